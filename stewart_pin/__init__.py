@@ -1,0 +1,11 @@
+"""Closed-chain (parallel-robot) dynamics on Pinocchio.
+
+``import stewart_pin as stp`` gives the verbs; a robot with loops is a `ClosedChain`, read by `load`.
+"""
+
+from stewart_pin.geometry.hexapod import Hexapod as Hexapod
+from stewart_pin.geometry.hexapod import leg_jacobian as leg_jacobian
+from stewart_pin.geometry.hexapod import leg_lengths as leg_lengths
+from stewart_pin.geometry.hexapod import point_mass_forces as point_mass_forces
+
+__version__ = "0.1.0"

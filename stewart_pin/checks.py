@@ -1,0 +1,116 @@
+"""Checks at the door: arrays of stated shape, finite, float64, or an `InputError` that names the argument."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stewart_pin.errors import InputError
+from stewart_pin.typing import ArrayLike, FloatArray
+
+
+def as_array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
+    """Convert to a finite float64 array of a fixed shape.
+
+    Parameters
+    ----------
+    name
+        Name of the argument, for the message.
+    value
+        What the caller passed.
+    shape
+        Required shape; None stands for any length.
+
+    Returns
+    -------
+    numpy.ndarray
+        The value as float64; no copy when it is one already.
+
+    Raises
+    ------
+    InputError
+        If the value is not numeric, has another shape, or is not finite.
+    """
+    array = _as_float(name, value)
+    if array.ndim != len(shape) or any(
+        n is not None and n != m for n, m in zip(shape, array.shape, strict=False)
+    ):
+        wanted = (
+            "("
+            + ", ".join("n" if n is None else str(n) for n in shape)
+            + ("," if len(shape) == 1 else "")
+            + ")"
+        )
+        raise InputError(f"{name} must have shape {wanted}, got {array.shape}")
+    return _require_finite(name, array)
+
+
+def as_batch(name: str, value: ArrayLike, trailing: tuple[int, ...]) -> FloatArray:
+    """Convert to a finite float64 array with any leading shape and fixed trailing shape.
+
+    Parameters
+    ----------
+    name
+        Name of the argument, for the message.
+    value
+        What the caller passed.
+    trailing
+        Required trailing shape.
+
+    Returns
+    -------
+    numpy.ndarray
+        The value as float64, shape ``(..., *trailing)``.
+
+    Raises
+    ------
+    InputError
+        If the value is not numeric, has another trailing shape, or is not finite.
+    """
+    array = _as_float(name, value)
+    if array.ndim < len(trailing) or array.shape[array.ndim - len(trailing) :] != trailing:
+        wanted = "(..., " + ", ".join(map(str, trailing)) + ")"
+        raise InputError(f"{name} must have shape {wanted}, got {array.shape}")
+    return _require_finite(name, array)
+
+
+def as_positive(name: str, value: float) -> float:
+    """Return a finite number above zero.
+
+    Parameters
+    ----------
+    name
+        Name of the argument, for the message.
+    value
+        What the caller passed.
+
+    Returns
+    -------
+    float
+        The value.
+
+    Raises
+    ------
+    InputError
+        If it is not a finite number above zero.
+    """
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be a number above zero, got {value!r}") from None
+    if not np.isfinite(number) or number <= 0.0:
+        raise InputError(f"{name} must be a finite number above zero, got {number}")
+    return number
+
+
+def _as_float(name: str, value: ArrayLike) -> FloatArray:
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be an array of real numbers, got {type(value).__name__}") from None
+
+
+def _require_finite(name: str, array: FloatArray) -> FloatArray:
+    if not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise InputError(f"{name} must be finite, got {array[where]} at index {where}")
+    return array

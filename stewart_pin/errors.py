@@ -1,0 +1,144 @@
+"""Exceptions that carry the numbers behind them, so that a caller can act and a reader can understand.
+
+Every exception of the package derives from `StewartPinError`; its text names the culprit (file, joint or
+argument), the offending value, and the remedy.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+
+class StewartPinError(Exception):
+    """Base of all exceptions that the package raises on purpose."""
+
+
+class InputError(StewartPinError, ValueError):
+    """An argument has the wrong shape, type or value."""
+
+
+class FileFormatError(StewartPinError, ValueError):
+    """A file cannot be read as what it claims to be, or says something that cannot be honoured.
+
+    Attributes
+    ----------
+    path
+        The file.
+    culprit
+        The tag, link or joint at fault.
+    """
+
+    def __init__(self, message: str, *, path: str = "", culprit: str = "") -> None:
+        super().__init__(f"{path}: {message}" if path else message)
+        self.path = path
+        self.culprit = culprit
+
+
+class FileMissingError(FileFormatError, FileNotFoundError):
+    """A file or a bundled robot does not exist."""
+
+
+class MechanismError(FileFormatError):
+    """The description is well-formed but no mechanism: unphysical masses, broken tree, open loops."""
+
+
+class UnsupportedError(StewartPinError, NotImplementedError):
+    """The request is meaningful, but not for this kind of mechanism."""
+
+
+class ClosureError(StewartPinError):
+    """The loops could not be closed, or the pose could not be reached.
+
+    Attributes
+    ----------
+    residual
+        Norm of the residual reached [m, rad].
+    iterations
+        Newton steps taken.
+    q
+        Configuration reached.
+    """
+
+    def __init__(self, message: str, *, residual: float, iterations: int, q: np.ndarray) -> None:
+        super().__init__(message)
+        self.residual = residual
+        self.iterations = iterations
+        self.q = q
+
+
+class UnreachableError(ClosureError):
+    """A pose asks for joint values outside their limits.
+
+    Attributes
+    ----------
+    violations
+        ``{joint: (value, lower, upper)}`` [m or rad].
+    """
+
+    def __init__(
+        self, message: str, *, violations: dict[str, tuple[float, float, float]], **reached: Any
+    ) -> None:
+        super().__init__(message, **reached)
+        self.violations = violations
+
+
+class SingularityError(StewartPinError):
+    """The matrix to be inverted is singular at this configuration.
+
+    Attributes
+    ----------
+    smallest_singular_value
+        Of the matrix named in the message.
+    direction
+        The motion that is lost or gained, as a vector over `names`.
+    names
+        Names of the entries of `direction`.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        smallest_singular_value: float,
+        direction: np.ndarray | None = None,
+        names: Sequence[str] = (),
+    ) -> None:
+        super().__init__(message)
+        self.smallest_singular_value = smallest_singular_value
+        self.direction = direction
+        self.names = tuple(names)
+
+
+class ActuationError(SingularityError):
+    """The motors cannot hold the robot: a freedom is left over.
+
+    `direction` is that freedom as tangent-space components over the joints in `names`.
+    """
+
+
+class ConvergenceError(StewartPinError):
+    """A numerical solver stopped before its tolerance.
+
+    Attributes
+    ----------
+    residual
+        What was reached.
+    """
+
+    def __init__(self, message: str, *, residual: float) -> None:
+        super().__init__(message)
+        self.residual = residual
+
+
+class MissingExtraError(StewartPinError, ImportError):
+    """An optional dependency is not installed."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        super().__init__(
+            f"this needs the package {package!r}, which is not installed: pip install 'stewart_pin[{extra}]'"
+        )
+        self.package = package
+        self.extra = extra

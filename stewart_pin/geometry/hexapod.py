@@ -1,0 +1,236 @@
+"""Closed forms of six-legged platforms (UPS and SPS legs), for any batch shape.
+
+Leg *i* runs from base point *i* (base frame) to platform point *i* (platform frame). Nothing here touches
+Pinocchio: these formulas are the oracle for the rest of the package.
+
+References
+----------
+.. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, ch. 2 and 5.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from stewart_pin.checks import as_array, as_batch, as_positive
+from stewart_pin.errors import InputError, SingularityError
+from stewart_pin.geometry.rotations import as_rotation
+from stewart_pin.typing import ArrayLike, FloatArray
+
+if TYPE_CHECKING:
+
+    class _HasLegPoints(Protocol):
+        def leg_points(self) -> tuple[FloatArray, FloatArray]: ...
+
+
+_SINGULAR = 1e-12
+"""Smallest over largest singular value of a leg Jacobian below which solving it returns noise."""
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+"""Gravity of the package's robots, in the world frame [m/s²]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hexapod:
+    """Geometry of a six-legged platform.
+
+    Attributes
+    ----------
+    base_points
+        (6, 3) lower leg ends, in the base frame [m].
+    platform_points
+        (6, 3) upper leg ends, in the platform frame [m].
+    """
+
+    base_points: FloatArray
+    platform_points: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("base_points", "platform_points"):
+            points = as_array(name, getattr(self, name), (6, 3)).copy()
+            points.setflags(write=False)
+            object.__setattr__(self, name, points)
+
+    @classmethod
+    def from_chain(cls, chain: _HasLegPoints) -> Hexapod:
+        """Read the twelve leg ends off a closed chain.
+
+        Parameters
+        ----------
+        chain
+            A chain whose six motors are the prismatic joints of legs with a point-like joint at either end.
+
+        Returns
+        -------
+        Hexapod
+            Legs in the order of ``chain.motors``.
+        """
+        return cls(*chain.leg_points())
+
+
+def leg_vectors(hexapod: Hexapod, position: ArrayLike, rotation: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Compute the vectors along the legs and the arms to the platform points.
+
+    Parameters
+    ----------
+    hexapod
+        Geometry.
+    position
+        (..., 3) platform origin in the base frame [m].
+    rotation
+        (..., 3, 3) platform axes in the base frame.
+
+    Returns
+    -------
+    legs : numpy.ndarray
+        (..., 6, 3) from base to platform point, in the base frame [m].
+    arms : numpy.ndarray
+        (..., 6, 3) from platform origin to platform point, in the base frame [m].
+    """
+    position = as_batch("position", position, (3,))
+    rotation = as_rotation("rotation", rotation)
+    _require_broadcast(position=position.shape[:-1], rotation=rotation.shape[:-2])
+    arms = np.einsum("...ij,kj->...ki", rotation, hexapod.platform_points)
+    return position[..., None, :] + arms - hexapod.base_points, arms
+
+
+def leg_lengths(hexapod: Hexapod, position: ArrayLike, rotation: ArrayLike) -> FloatArray:
+    """Compute the six leg lengths of a pose: l = |p + R P - B|.
+
+    Parameters
+    ----------
+    hexapod
+        Geometry.
+    position
+        (..., 3) platform origin in the base frame [m].
+    rotation
+        (..., 3, 3) platform axes in the base frame.
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 6) lengths [m].
+    """
+    return np.linalg.norm(leg_vectors(hexapod, position, rotation)[0], axis=-1)
+
+
+def leg_jacobian(hexapod: Hexapod, position: ArrayLike, rotation: ArrayLike) -> FloatArray:
+    """Compute the map from platform twist to leg rates.
+
+    Row *i* is [uᵀ, (R P × u)ᵀ] with u the unit vector along leg *i* from base to platform [1]_.
+
+    Parameters
+    ----------
+    hexapod
+        Geometry.
+    position
+        (..., 3) platform origin in the base frame [m].
+    rotation
+        (..., 3, 3) platform axes in the base frame.
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 6, 6) leg rates [m/s] per twist [v; ω] of the platform origin in base axes.
+
+    Raises
+    ------
+    SingularityError
+        If a leg has no length, and therefore no direction.
+
+    References
+    ----------
+    .. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., 2006, section 5.3 (inverse Jacobian).
+    """
+    legs, arms = leg_vectors(hexapod, position, rotation)
+    lengths = np.linalg.norm(legs, axis=-1, keepdims=True)
+    if (lengths == 0.0).any():
+        leg = int(np.argwhere(lengths[..., 0] == 0.0)[0][-1])
+        raise SingularityError(
+            f"leg {leg + 1} has length zero and no direction; move the platform", smallest_singular_value=0.0
+        )
+    u = legs / lengths
+    return np.concatenate([u, np.cross(arms, u)], axis=-1)
+
+
+def leg_forces_for_wrench(jacobian: FloatArray, wrench: ArrayLike) -> FloatArray:
+    """Solve Jᵀ f = w for the leg forces that put a wrench on the platform.
+
+    Parameters
+    ----------
+    jacobian
+        (..., 6, 6) from `leg_jacobian`.
+    wrench
+        (..., 6) force and moment about the platform origin, in base axes [N, N m].
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 6) leg forces, positive pushing the platform away from the base [N].
+
+    Raises
+    ------
+    SingularityError
+        If a Jacobian is singular.
+    """
+    wrench = as_batch("wrench", wrench, (6,))
+    singular = np.linalg.svd(jacobian, compute_uv=False)
+    worst = singular[..., -1] / singular[..., 0]
+    if (worst < _SINGULAR).any():
+        smallest = float(singular[..., -1].ravel()[np.argmin(worst)])
+        raise SingularityError(
+            f"the legs cannot carry every wrench here: the leg Jacobian is singular "
+            f"(smallest singular value {smallest:.3g}); move away from this pose",
+            smallest_singular_value=smallest,
+        )
+    return np.linalg.solve(np.swapaxes(jacobian, -1, -2), wrench[..., None])[..., 0]
+
+
+def point_mass_forces(
+    hexapod: Hexapod,
+    position: ArrayLike,
+    rotation: ArrayLike,
+    acceleration: ArrayLike,
+    *,
+    mass: float,
+    gravity: ArrayLike = STANDARD_GRAVITY,
+) -> FloatArray:
+    """Compute the leg forces for a point mass on massless legs: f = J⁻ᵀ [m (a - g); 0].
+
+    Parameters
+    ----------
+    hexapod
+        Geometry.
+    position
+        (..., 3) platform origin, which carries the mass, in the base frame [m].
+    rotation
+        (..., 3, 3) platform axes in the base frame.
+    acceleration
+        (..., 3) of the platform origin, in base axes [m/s²].
+    mass
+        Platform mass [kg].
+    gravity
+        (3,) acceleration of free fall in base axes [m/s²].
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 6) leg forces, positive pushing the platform away from the base [N].
+    """
+    mass = as_positive("mass", mass)
+    jacobian = leg_jacobian(hexapod, position, rotation)
+    push = mass * (as_batch("acceleration", acceleration, (3,)) - as_array("gravity", gravity, (3,)))
+    _require_broadcast(position=jacobian.shape[:-2], acceleration=push.shape[:-1])
+    wrench = np.concatenate([push, np.zeros_like(push)], axis=-1)
+    return leg_forces_for_wrench(jacobian, wrench)
+
+
+def _require_broadcast(**shapes: tuple[int, ...]) -> None:
+    try:
+        np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise InputError(f"batch shapes do not fit each other: {listed}") from None
