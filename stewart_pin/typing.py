@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FloatArray: TypeAlias = NDArray[np.float64]
+FloatArray: TypeAlias = NDArray[np.floating[Any]]
 Configuration: TypeAlias = FloatArray
 """(nq,) configuration of the spanning tree, Pinocchio's convention [m, rad, unit quaternions]."""
 Tangent: TypeAlias = FloatArray

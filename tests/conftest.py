@@ -35,7 +35,8 @@ def report_ideal() -> stp.Hexapod:
     """Return the geometry ``report_ideal`` of sections 8 to 10 of the source report."""
     s = np.sqrt(3.0)
     # fmt: off
-    base = [[.15, 7*s/20, 0], [.6, -s/10, 0], [.45, -s/4, 0], [-.45, -s/4, 0], [-.6, -s/10, 0], [-.15, 7*s/20, 0]]
+    base = [[.15, 7*s/20, 0], [.6, -s/10, 0], [.45, -s/4, 0],
+            [-.45, -s/4, 0], [-.6, -s/10, 0], [-.15, 7*s/20, 0]]
     platform = [[.35, s/5, 0], [.475, 3*s/40, 0], [.125, -11*s/40, 0],
                 [-.125, -11*s/40, 0], [-.475, 3*s/40, 0], [-.35, s/5, 0]]
     # fmt: on

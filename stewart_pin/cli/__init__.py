@@ -1,0 +1,1 @@
+"""Command line: every command writes with --json what it printed."""

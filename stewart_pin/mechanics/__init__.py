@@ -1,0 +1,1 @@
+"""How a closed chain obeys: kinematics and dynamics of one state."""

@@ -1,0 +1,1 @@
+"""One module per loop dialect, read and write."""

@@ -1,0 +1,1 @@
+"""When loops are closed: rows, gap, Jacobian, bias, and the Newton iteration that closes them."""
