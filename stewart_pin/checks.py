@@ -102,6 +102,26 @@ def as_positive(name: str, value: float) -> float:
     return number
 
 
+def require_broadcast(**shapes: tuple[int, ...]) -> None:
+    """Check that batch shapes fit each other.
+
+    Parameters
+    ----------
+    **shapes
+        Batch shape of each argument, by its name.
+
+    Raises
+    ------
+    InputError
+        If they cannot be broadcast together.
+    """
+    try:
+        np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise InputError(f"batch shapes do not fit each other: {listed}") from None
+
+
 def _as_float(name: str, value: ArrayLike) -> FloatArray:
     try:
         return np.asarray(value, dtype=np.float64)

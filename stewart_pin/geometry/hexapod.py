@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from stewart_pin.checks import as_array, as_batch, as_positive
-from stewart_pin.errors import InputError, SingularityError
+from stewart_pin.checks import as_array, as_batch, as_positive, require_broadcast
+from stewart_pin.errors import SingularityError
 from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -92,7 +92,7 @@ def leg_vectors(hexapod: Hexapod, position: ArrayLike, rotation: ArrayLike) -> t
     """
     position = as_batch("position", position, (3,))
     rotation = as_rotation("rotation", rotation)
-    _require_broadcast(position=position.shape[:-1], rotation=rotation.shape[:-2])
+    require_broadcast(position=position.shape[:-1], rotation=rotation.shape[:-2])
     arms = np.einsum("...ij,kj->...ki", rotation, hexapod.platform_points)
     return position[..., None, :] + arms - hexapod.base_points, arms
 
@@ -223,14 +223,6 @@ def point_mass_forces(
     mass = as_positive("mass", mass)
     jacobian = leg_jacobian(hexapod, position, rotation)
     push = mass * (as_batch("acceleration", acceleration, (3,)) - as_array("gravity", gravity, (3,)))
-    _require_broadcast(position=jacobian.shape[:-2], acceleration=push.shape[:-1])
+    require_broadcast(position=jacobian.shape[:-2], acceleration=push.shape[:-1])
     wrench = np.concatenate([push, np.zeros_like(push)], axis=-1)
     return leg_forces_for_wrench(jacobian, wrench)
-
-
-def _require_broadcast(**shapes: tuple[int, ...]) -> None:
-    try:
-        np.broadcast_shapes(*shapes.values())
-    except ValueError:
-        listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-        raise InputError(f"batch shapes do not fit each other: {listed}") from None
