@@ -3,6 +3,19 @@
 ``import stewart_pin as stp`` gives the verbs; a robot with loops is a `ClosedChain`, read by `load`.
 """
 
+from stewart_pin.building.exporting import export as export
+from stewart_pin.building.exporting import write_urdf as write_urdf
+from stewart_pin.building.from_hexapod import hexapod_chain as hexapod_chain
+from stewart_pin.building.loading import load as load
+from stewart_pin.building.resources import robots as robots
+from stewart_pin.building.variants import massless_legs as massless_legs
+from stewart_pin.building.variants import replace_inertias as replace_inertias
+from stewart_pin.closure.equations import loop_bias as loop_bias
+from stewart_pin.closure.equations import loop_gap as loop_gap
+from stewart_pin.closure.equations import loop_jacobian as loop_jacobian
+from stewart_pin.closure.newton import Closure as Closure
+from stewart_pin.closure.newton import close_loops as close_loops
+from stewart_pin.closure.pinocchio_constraints import constraint_models as constraint_models
 from stewart_pin.geometry.hexapod import Hexapod as Hexapod
 from stewart_pin.geometry.hexapod import leg_jacobian as leg_jacobian
 from stewart_pin.geometry.hexapod import leg_lengths as leg_lengths
@@ -13,5 +26,23 @@ from stewart_pin.geometry.hexapod_dynamics import HexapodForces as HexapodForces
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics as hexapod_inverse_dynamics
 from stewart_pin.geometry.leg_motion import leg_accelerations as leg_accelerations
 from stewart_pin.geometry.leg_motion import leg_rates as leg_rates
+from stewart_pin.mechanics.constrained import forward_dynamics as forward_dynamics
+from stewart_pin.mechanics.constraint_matrix.system import ConstraintMatrixSystem as ConstraintMatrixSystem
+from stewart_pin.mechanics.constraint_matrix.system import (
+    constraint_matrix_system as constraint_matrix_system,
+)
+from stewart_pin.mechanics.effort import Effort as Effort
+from stewart_pin.mechanics.effort import Motion as Motion
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics as inverse_dynamics
+from stewart_pin.mechanics.kinematics import State as State
+from stewart_pin.mechanics.kinematics import forward_kinematics as forward_kinematics
+from stewart_pin.mechanics.kinematics import inverse_kinematics as inverse_kinematics
+from stewart_pin.mechanics.kinematics import motor_jacobian as motor_jacobian
+from stewart_pin.mechanics.kinematics import motor_positions as motor_positions
+from stewart_pin.mechanics.kinematics import platform_motion as platform_motion
+from stewart_pin.mechanics.kinematics import platform_pose as platform_pose
+from stewart_pin.mechanics.mobility import Mobility as Mobility
+from stewart_pin.mechanics.mobility import mobility as mobility
+from stewart_pin.model.chain import ClosedChain as ClosedChain
 
 __version__ = "0.1.0"

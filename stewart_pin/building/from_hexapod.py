@@ -1,0 +1,144 @@
+"""From twelve points and three bodies to a closed chain with six UPS or SPS legs."""
+
+from __future__ import annotations
+
+from math import inf
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.building.loading import build_chain
+from stewart_pin.errors import InputError
+from stewart_pin.geometry.hexapod import STANDARD_GRAVITY, Hexapod
+from stewart_pin.model.chain import ClosedChain, as_pose
+from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
+from stewart_pin.typing import ArrayLike, FloatArray
+
+_SWING = 1.5
+"""Range of each axis of the lower joint, to either side [rad]: just short of the universal joint's gimbal lock."""
+_X, _Y, _Z = np.eye(3)
+
+
+def hexapod_chain(
+    hexapod: Hexapod,
+    *,
+    platform: pin.Inertia,
+    lower: pin.Inertia,
+    upper: pin.Inertia,
+    lower_joint: str = "universal",
+    stroke: tuple[float, float] = (0.0, inf),
+    base: pin.Inertia | None = None,
+    effort: float = inf,
+    velocity: float = inf,
+    home: pin.SE3 | None = None,
+    name: str = "hexapod",
+    gravity: ArrayLike = STANDARD_GRAVITY,
+) -> ClosedChain:
+    """Build a six-legged platform.
+
+    Each leg stands on a universal joint (first axis = base x, second = leg y) or on a spherical one (a third axis
+    along the leg), is driven by a prismatic motor whose coordinate is the leg length, and carries the platform by a
+    ball, which closes the loop. The platform is a free body of the tree.
+
+    Parameters
+    ----------
+    hexapod
+        Leg ends [m].
+    platform
+        Inertia in the platform frame [kg, m, kg m²].
+    lower
+        Inertia of each cylinder in the leg frame at the base point, z along the leg [kg, m, kg m²].
+    upper
+        Inertia of each rod in the leg frame at the platform point, z along the leg [kg, m, kg m²].
+    lower_joint
+        ``"universal"`` or ``"spherical"``; the latter leaves each leg free to spin.
+    stroke
+        Least and greatest leg length [m].
+    base
+        Inertia of the ground link, which makes it a body of the maximal-coordinate system [kg, m, kg m²].
+    effort
+        Largest motor force [N].
+    velocity
+        Largest leg rate [m/s].
+    home
+        Platform frame in the world at home; default: level, its points centred above the base points, so high that
+        the mean leg length is in the middle of the stroke.
+    name
+        Name of the robot.
+    gravity
+        (3,) acceleration of free fall in the world frame [m/s²].
+
+    Returns
+    -------
+    ClosedChain
+        Legs in the order of the base points; motors ``leg1`` to ``leg6``.
+
+    Raises
+    ------
+    InputError
+        If the joint type is unknown, or the stroke is empty.
+    """
+    if lower_joint not in ("universal", "spherical"):
+        raise InputError(f"lower_joint must be 'universal' or 'spherical', got {lower_joint!r}")
+    low, high = stroke
+    if not 0 <= low < high:
+        raise InputError(
+            f"stroke must be (least, greatest) leg length with 0 <= least < greatest, got {stroke}"
+        )
+    pose = pin.SE3(np.eye(3), _default_home(hexapod, low, high)) if home is None else as_pose("home", home)
+    axes = (_X, _Y) if lower_joint == "universal" else (_X, _Y, _Z)
+    links = [Link("base", base), Link("platform", platform)]
+    joints = [Joint("platform_pose", JointKind.FLOATING, "base", "platform", pin.SE3.Identity())]
+    loops: list[Loop] = []
+    values: dict[str, FloatArray] = {"platform_pose": pin.SE3ToXYZQUAT(pose)}
+    for number, (foot, head) in enumerate(
+        zip(hexapod.base_points, hexapod.platform_points, strict=True), start=1
+    ):
+        leg = f"leg{number}"
+        names = [f"{leg}_{'xyz'[k]}" for k in range(len(axes))]
+        parents = ["base", *(f"{leg}_cross{k + 1 if len(axes) > 2 else ''}" for k in range(len(axes) - 1))]
+        children = [*parents[1:], f"{leg}_lower"]
+        for k, (joint, axis) in enumerate(zip(names, axes, strict=True)):
+            placement = pin.SE3(np.eye(3), foot) if k == 0 else pin.SE3.Identity()
+            limit = 2 * np.pi if k == 2 else _SWING
+            joints.append(
+                Joint(joint, JointKind.REVOLUTE, parents[k], children[k], placement, axis, -limit, limit)
+            )
+        joints.append(
+            Joint(
+                leg, JointKind.PRISMATIC, f"{leg}_lower", f"{leg}_upper", pin.SE3.Identity(), _Z,
+                low, high, effort, velocity, independent=True,
+            )
+        )  # fmt: skip
+        links += [Link(link) for link in parents[1:]]
+        links += [Link(f"{leg}_lower", lower), Link(f"{leg}_upper", upper)]
+        loops.append(
+            Loop(
+                f"{leg}_ball", JointKind.SPHERICAL, "platform", f"{leg}_upper",
+                pin.SE3(np.eye(3), head), pin.SE3.Identity(),
+            )
+        )  # fmt: skip
+        values |= _leg_values(names, leg, pose.act(head) - foot)
+    mechanism = Mechanism(
+        name, tuple(links), tuple(joints), tuple(loops), platform="platform", home=values, source=""
+    )
+    return build_chain(mechanism, gravity=gravity)
+
+
+def _leg_values(names: list[str], motor: str, leg: FloatArray) -> dict[str, FloatArray]:
+    """Joint values of one leg: u = Rx(α) Ry(β) z = (sin β, -sin α cos β, cos α cos β)."""
+    length = float(np.linalg.norm(leg))
+    x, y, z = leg / length
+    angles = [np.arctan2(-y, z), np.arcsin(np.clip(x, -1.0, 1.0)), 0.0]
+    return {name: np.array([angle]) for name, angle in zip(names, angles, strict=False)} | {
+        motor: np.array([length])
+    }
+
+
+def _default_home(hexapod: Hexapod, low: float, high: float) -> FloatArray:
+    """Level platform above the base's centre, its legs in the middle of the stroke (or as tall as the base is wide)."""
+    spread = hexapod.platform_points - hexapod.base_points
+    centre = -spread.mean(axis=0)
+    across = np.linalg.norm((spread + centre)[:, :2], axis=1).mean()
+    wanted = (low + high) / 2 if np.isfinite(high) else max(2 * across, np.ptp(hexapod.base_points), low)
+    return centre + [0.0, 0.0, np.sqrt(max(wanted**2 - across**2, (0.25 * wanted) ** 2))]

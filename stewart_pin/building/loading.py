@@ -1,0 +1,154 @@
+"""From a file to a closed chain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from stewart_pin.building.home import settle_home
+from stewart_pin.building.resources import find_robot
+from stewart_pin.checks import as_array
+from stewart_pin.errors import InputError, MechanismError, UnsupportedError
+from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.description import Mechanism
+from stewart_pin.model.formats.urdf_plus import read_urdf
+from stewart_pin.model.tree import build_tree
+from stewart_pin.model.validation import validate
+from stewart_pin.typing import ArrayLike
+
+
+def load(
+    name_or_path: str | Path,
+    *,
+    loops: str | Path | None = None,
+    motors: Sequence[str] | None = None,
+    platform: str | None = None,
+    gravity: ArrayLike = STANDARD_GRAVITY,
+) -> ClosedChain:
+    """Read a robot with its loops, motors and platform.
+
+    Parameters
+    ----------
+    name_or_path
+        Name of a bundled robot (see `robots`), or path of a URDF with loops in the URDF+ dialect.
+    loops
+        Side-car file that declares the loops; no dialect with one is supported yet.
+    motors
+        Names of the motor joints, in order; default: the joints that the file marks ``independent="true"``.
+    platform
+        Name of the platform link; default: the link called ``platform``.
+    gravity
+        (3,) acceleration of free fall in the world frame [m/s²].
+
+    Returns
+    -------
+    ClosedChain
+        The robot, validated, its home configuration closed.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is missing, broken or of an unknown dialect.
+    MechanismError
+        If masses, joints, loops, motors or platform make no mechanism.
+
+    Examples
+    --------
+    >>> chain = load("stewart")
+    >>> chain.nv, chain.nu, chain.nc
+    (24, 6, 18)
+    """
+    if loops is not None:
+        raise UnsupportedError(
+            f"loops={str(loops)!r}: side-car files are not supported yet; write <loop> in the URDF"
+        )
+    path = find_robot(name_or_path)
+    if path.suffix.lower() not in (".urdf", ".xml"):
+        raise UnsupportedError(f"{path}: files of type '{path.suffix}' are not supported; supported: .urdf")
+    return build_chain(read_urdf(path), motors=motors, platform=platform, gravity=gravity)
+
+
+def build_chain(
+    mechanism: Mechanism,
+    *,
+    motors: Sequence[str] | None = None,
+    platform: str | None = None,
+    gravity: ArrayLike = STANDARD_GRAVITY,
+) -> ClosedChain:
+    """Validate a description and build the closed chain.
+
+    Parameters
+    ----------
+    mechanism
+        Links, joints and loops.
+    motors
+        Names of the motor joints, in order; default: the joints marked independent.
+    platform
+        Name of the platform link; default: the one the description names.
+    gravity
+        (3,) acceleration of free fall in the world frame [m/s²].
+
+    Returns
+    -------
+    ClosedChain
+        The chain, its home configuration closed.
+
+    Raises
+    ------
+    MechanismError
+        If it is no mechanism.
+    """
+    gravity = as_array("gravity", gravity, (3,))
+    validate(mechanism)
+    model = build_tree(mechanism, gravity)
+    chain = ClosedChain(
+        mechanism=mechanism,
+        model=model,
+        motors=_motors(mechanism, motors),
+        platform=_platform(mechanism, platform),
+        q_home=np.zeros(model.nq),
+    )
+    return settle_home(chain)
+
+
+def _motors(mechanism: Mechanism, motors: Sequence[str] | None) -> tuple[str, ...]:
+    movable = [joint.name for joint in mechanism.joints if joint.has_axis]
+    if motors is None:
+        named = tuple(joint.name for joint in mechanism.joints if joint.independent)
+        if not named:
+            raise MechanismError(
+                'no joint is marked independent="true"; mark the motors, or pass motors=[...]; '
+                f"the candidates are: {', '.join(movable)}",
+                path=mechanism.source,
+                culprit="motors",
+            )
+        return named
+    if isinstance(motors, str):
+        raise InputError(f"motors must be a sequence of joint names, got the single string {motors!r}")
+    for name in motors:
+        if name not in movable:
+            raise MechanismError(
+                f"motors name the joint '{name}', which is missing or has not one freedom; "
+                f"the candidates are: {', '.join(movable)}",
+                path=mechanism.source,
+                culprit=str(name),
+            )
+    if len(set(motors)) != len(motors):
+        raise InputError(f"motors name a joint twice: {list(motors)}")
+    return tuple(motors)
+
+
+def _platform(mechanism: Mechanism, platform: str | None) -> str:
+    links = [link.name for link in mechanism.links if link.name != mechanism.root]
+    chosen = mechanism.platform if platform is None else platform
+    if chosen is None or chosen not in links:
+        said = "no link is called 'platform'" if chosen is None else f"there is no moving link '{chosen}'"
+        raise MechanismError(
+            f"{said}; pass platform=...; the candidates are: {', '.join(links)}",
+            path=mechanism.source,
+            culprit=chosen or "platform",
+        )
+    return chosen

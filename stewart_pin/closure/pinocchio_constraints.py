@@ -1,0 +1,51 @@
+"""Loops as Pinocchio's own constraint models, for its constrained algorithms."""
+
+from __future__ import annotations
+
+import pinocchio as pin
+
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.description import JointKind
+
+_TYPES = {JointKind.SPHERICAL: pin.ContactType.CONTACT_3D, JointKind.FIXED: pin.ContactType.CONTACT_6D}
+
+
+def constraint_models(chain: ClosedChain) -> pin.StdVec_RigidConstraintModel:
+    """Translate the loops for `pinocchio.constraintDynamics` and its relatives.
+
+    Parameters
+    ----------
+    chain
+        Closed chain whose loops are spherical or fixed: the two kinds Pinocchio has.
+
+    Returns
+    -------
+    pinocchio.StdVec_RigidConstraintModel
+        One model per loop, in loop frame 1. Their Jacobian is minus the derivative of `loop_gap`.
+
+    Raises
+    ------
+    UnsupportedError
+        If a loop is of another kind.
+    """
+    table = chain.loop_table
+    models = pin.StdVec_RigidConstraintModel()
+    for k, loop in enumerate(chain.loops):
+        if loop.kind not in _TYPES:
+            raise UnsupportedError(
+                f"loop '{loop.name}' is {loop.kind}; Pinocchio's constrained algorithms know spherical and fixed "
+                "loops; use method='projection'"
+            )
+        models.append(
+            pin.RigidConstraintModel(
+                _TYPES[loop.kind],
+                chain.model,
+                table.joint1[k],
+                pin.SE3(table.rotation1[k], table.translation1[k]),
+                table.joint2[k],
+                pin.SE3(table.rotation2[k], table.translation2[k]),
+                pin.ReferenceFrame.LOCAL,
+            )
+        )
+    return models

@@ -1,0 +1,258 @@
+"""Inverse and forward dynamics of a closed chain from Pinocchio's tree algorithms and the loop Jacobian.
+
+Everything follows from one equation of motion on the spanning tree,
+
+    M a + nle = Sᵀ tau_motor + J_cᵀ lambda_c,
+
+split by N, a basis of the motions that keep the loops closed (J_c N = 0): Nᵀ times the equation gives the motor
+efforts without the reactions, the rest gives the reactions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.checks import as_array
+from stewart_pin.closure.equations import bias_from_data, gap_from_data, jacobian_from_data
+from stewart_pin.closure.pinocchio_constraints import constraint_models
+from stewart_pin.errors import ActuationError, ConvergenceError, InputError, UnsupportedError
+from stewart_pin.mechanics.bounded_efforts import bounded_efforts
+from stewart_pin.mechanics.effort import Effort, Motion
+from stewart_pin.mechanics.freedom import Freedom, analyse_freedom
+from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
+
+_RANK = 1e-10
+"""Singular values below this, relative to the largest, count as zero."""
+_CONSISTENT = 1e-6
+"""How far a state may be from closed loops, relative to its size: round-off of user data, not a wrong state."""
+_NO_INERTIA = 1e-12
+"""Inertia of an idle freedom, relative to the largest, below which it carries none."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Closed:
+    """A state whose loops have been checked, with what was computed on the way."""
+
+    q: Configuration
+    v: Tangent
+    jacobian: FloatArray
+    bias: FloatArray
+
+
+def pinocchio_inverse_dynamics(
+    chain: ClosedChain,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    *,
+    effort_limit: ArrayLike | None = None,
+    throw: bool = True,
+) -> Effort:
+    """Compute motor efforts and loop reactions from RNEA and the loop Jacobian.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity that keeps them closed [m/s, rad/s].
+    a
+        (nv,) tangent acceleration that keeps them closed [m/s², rad/s²].
+    effort_limit
+        (nu,) or one number: largest absolute motor effort [N or N m]; redundant motors then share within it.
+    throw
+        Whether motors that cannot hold the robot are an error; otherwise the least-squares efforts are returned with
+        their residual.
+
+    Returns
+    -------
+    Effort
+        Motor efforts, reactions, and whether they are unique.
+
+    Raises
+    ------
+    ActuationError
+        If the motors cannot hold the robot; carries the freedom left over.
+    InputError
+        If the state does not keep the loops closed.
+    """
+    state = _closed_state(chain, q, v)
+    a = as_array("a", a, (chain.nv,))
+    _require_small(state.jacobian @ a + state.bias, a, "a", "platform_motion")
+    data = pin.Data(chain.model)
+    freedom = analyse_freedom(chain, state.q)
+    if throw:
+        require_held(chain, freedom)
+    needed, a = _let_idle_go(chain, data, state, a, freedom.idle)
+
+    share = freedom.motions[chain.motor_index].T  # Nᵀ Sᵀ, (dof, nu)
+    load = freedom.motions.T @ needed
+    rank = np.linalg.matrix_rank(share, tol=_RANK * max(1.0, np.linalg.norm(share, 2))) if share.size else 0
+    if effort_limit is None:
+        tau_motor = np.linalg.lstsq(share, load, rcond=_RANK)[0]
+    else:
+        tau_motor = bounded_efforts(share, load, effort_limit)
+    needed = needed.copy()
+    needed[chain.motor_index] -= tau_motor
+    lambda_c = np.linalg.lstsq(state.jacobian.T, needed, rcond=_RANK)[0]
+    return Effort(
+        tau_motor=tau_motor,
+        lambda_c=lambda_c,
+        unique=bool(rank == chain.nu),
+        reactions_unique=freedom.rank == chain.nc,
+        a=a,
+        residual=float(np.abs(needed - state.jacobian.T @ lambda_c).max(initial=0.0)),
+    )
+
+
+def forward_dynamics(
+    chain: ClosedChain, q: ArrayLike, v: ArrayLike, tau_motor: ArrayLike, *, method: str = "projection"
+) -> Motion:
+    """Compute the acceleration under given motor efforts.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity that keeps them closed [m/s, rad/s].
+    tau_motor
+        (nu,) motor efforts in the order of ``chain.motors`` [N or N m].
+    method
+        ``"projection"``: the equation of motion projected on the motions that keep the loops closed; for every chain,
+        also with redundant loops or massless legs. ``"constraint_dynamics"``: `pinocchio.constraintDynamics`, for
+        spherical and fixed loops that are not redundant, on bodies with mass.
+
+    Returns
+    -------
+    Motion
+        Acceleration and loop reactions (of least norm where loops are redundant).
+
+    Raises
+    ------
+    InputError
+        If the state does not keep the loops closed, or the method is unknown.
+    UnsupportedError
+        If ``constraint_dynamics`` cannot treat the chain.
+    """
+    state = _closed_state(chain, q, v)
+    tau = np.zeros(chain.nv)
+    tau[chain.motor_index] = as_array("tau_motor", tau_motor, (chain.nu,))
+    if method == "constraint_dynamics":
+        return _constraint_dynamics(chain, state, tau)
+    if method != "projection":
+        raise InputError(f"method must be 'projection' or 'constraint_dynamics', got {method!r}")
+    data = pin.Data(chain.model)
+    inertia = _joint_space_inertia(chain, data, state.q)
+    push = tau - pin.nonLinearEffects(chain.model, data, state.q, state.v)
+    motions = analyse_freedom(chain, state.q).motions
+    a = -np.linalg.lstsq(state.jacobian, state.bias, rcond=_RANK)[0]
+    # The projected inertia is singular only along idle freedoms without inertia: they do not accelerate.
+    projected = motions.T @ inertia @ motions
+    a = a + motions @ np.linalg.lstsq(projected, motions.T @ (push - inertia @ a), rcond=_NO_INERTIA)[0]
+    lambda_c = np.linalg.lstsq(state.jacobian.T, inertia @ a - push, rcond=_RANK)[0]
+    return Motion(a=a, lambda_c=lambda_c)
+
+
+def require_held(chain: ClosedChain, freedom: Freedom) -> None:
+    """Refuse a configuration at which the motors cannot hold the robot.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    freedom
+        Its motions there.
+
+    Raises
+    ------
+    ActuationError
+        With the freedom that is left over.
+    """
+    if not freedom.lost.shape[1]:
+        return
+    direction = freedom.weakest / np.abs(freedom.weakest).max()
+    order = np.argsort(-np.abs(direction))[:6]
+    shown = ", ".join(
+        f"{chain.tangent_names[k]} {direction[k]:+.3g}" for k in order if abs(direction[k]) > 1e-6
+    )
+    raise ActuationError(
+        f"the motors cannot hold the robot here: {freedom.lost.shape[1]} freedom(s) left over with all motors "
+        f"locked (smallest singular value {freedom.smallest_singular_value:.3g}), the motion {shown}; "
+        "move away from this configuration, add a motor, or pass throw=False for least squares",
+        smallest_singular_value=freedom.smallest_singular_value,
+        direction=direction,
+        names=chain.tangent_names,
+    )
+
+
+def _closed_state(chain: ClosedChain, q: ArrayLike, v: ArrayLike) -> _Closed:
+    """Check that a state keeps the loops closed: dynamics of an open loop would be a silent wrong answer."""
+    q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
+    data = pin.Data(chain.model)
+    pin.computeJointJacobians(chain.model, data, q)
+    pin.forwardKinematics(chain.model, data, q, v, np.zeros(chain.nv))
+    gap, jacobian = gap_from_data(chain, data), jacobian_from_data(chain, data)
+    _require_small(gap, q, "q", "close_loops")
+    _require_small(jacobian @ v, v, "v", "platform_motion")
+    return _Closed(q=q, v=v, jacobian=jacobian, bias=bias_from_data(chain, data))
+
+
+def _require_small(left: FloatArray, value: FloatArray, name: str, remedy: str) -> None:
+    worst = float(np.abs(left).max(initial=0.0))
+    if worst > _CONSISTENT * max(1.0, float(np.abs(value).max(initial=0.0))):
+        raise InputError(f"{name} does not keep the loops closed: {worst:.3g} is left over; see {remedy}")
+
+
+def _let_idle_go(
+    chain: ClosedChain, data: pin.Data, state: _Closed, a: Tangent, idle: FloatArray
+) -> tuple[FloatArray, Tangent]:
+    """Tree efforts for the demanded acceleration, idle freedoms replaced by what their own inertia makes them do."""
+    needed = np.array(pin.rnea(chain.model, data, state.q, state.v, a))
+    if not idle.shape[1]:
+        return needed, a
+    inertia = _joint_space_inertia(chain, data, state.q)
+    own = idle.T @ inertia @ idle
+    known = np.linalg.pinv(own, rcond=_NO_INERTIA, hermitian=True)
+    if np.abs(own).max() <= _NO_INERTIA * np.abs(inertia).max():
+        known = np.zeros_like(own)
+    change = -idle @ (known @ (idle.T @ needed))
+    return needed + inertia @ change, a + change
+
+
+def _joint_space_inertia(chain: ClosedChain, data: pin.Data, q: Configuration) -> FloatArray:
+    upper = np.triu(pin.crba(chain.model, data, q))
+    return upper + np.triu(upper, 1).T
+
+
+def _constraint_dynamics(chain: ClosedChain, state: _Closed, tau: FloatArray) -> Motion:
+    models = constraint_models(chain)
+    # Fresh datas for every call: other algorithms leave desired accelerations behind in theirs.
+    datas = pin.StdVec_RigidConstraintData()
+    for model in models:
+        datas.append(model.createData())
+    data = pin.Data(chain.model)
+    pin.initConstraintDynamics(chain.model, data, models, datas)
+    settings = pin.ProximalSettings(1e-14, 0.0, 1)
+    a = np.array(pin.constraintDynamics(chain.model, data, state.q, state.v, tau, models, datas, settings))
+    if not np.isfinite(a).all():
+        raise UnsupportedError(
+            "pinocchio.constraintDynamics gives no finite answer: loops are redundant or bodies lack mass; "
+            "use method='projection'"
+        )
+    left = float(np.abs(state.jacobian @ a + state.bias).max(initial=0.0))
+    if left > _CONSISTENT * max(1.0, float(np.abs(a).max())):
+        raise ConvergenceError(
+            f"pinocchio.constraintDynamics leaves {left:.3g} of the loop acceleration; use method='projection'",
+            residual=left,
+        )
+    # Pinocchio's Jacobian of these constraints is minus the derivative of the gap.
+    return Motion(a=a, lambda_c=-np.array(data.lambda_c))

@@ -1,0 +1,213 @@
+"""Columns of the constraint matrix: the forces that a joint can transmit, and the accelerations it forbids.
+
+A joint with motion axes S transmits the wrenches T with Tᵀ S = 0. It adds +T to the rows of its successor and -T to
+those of its predecessor, and demands Tᵀ (a_successor - a_predecessor) = c.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stewart_pin.mechanics.constraint_matrix.kinematics import JointMotion, LinkMotion
+from stewart_pin.mechanics.constraint_matrix.spatial import force_at, motion_about, skew
+from stewart_pin.mechanics.constraint_matrix.topology import CompoundJoint
+from stewart_pin.model.description import Loop
+from stewart_pin.model.loop_rows import AngleRow, NormalRow, Row, closure_rows
+from stewart_pin.typing import FloatArray
+
+_PURE = 1e-12
+"""Part of a motion axis that counts as zero, per metre of robot: round-off of moving it between points."""
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """What one joint contributes.
+
+    Attributes
+    ----------
+    wrenches
+        (6, n) T at the world origin [force, moment].
+    acceleration
+        (n,) c, the relative acceleration demanded along the wrenches.
+    """
+
+    wrenches: FloatArray
+    acceleration: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Freedoms:
+    """Relative motion that a compound joint allows.
+
+    Attributes
+    ----------
+    axes
+        (6, n) motion axes S at the world origin.
+    origin
+        (3,) a point of the joint [m].
+    bias
+        (6,) relative acceleration without joint acceleration.
+    index
+        (n,) tangent entries.
+    """
+
+    axes: FloatArray
+    origin: FloatArray
+    bias: FloatArray
+    index: np.ndarray
+
+
+def compound_freedoms(compound: CompoundJoint, joints: dict[str, JointMotion]) -> Freedoms:
+    """Collect the freedoms of tree joints in a row.
+
+    Parameters
+    ----------
+    compound
+        The joints.
+    joints
+        Their motion in the world.
+
+    Returns
+    -------
+    Freedoms
+        Axes of all of them, at the origin of the last one.
+    """
+    parts = [joints[part.name] for part in compound.parts]
+    return Freedoms(
+        axes=np.hstack([part.axes for part in parts]),
+        origin=parts[-1].origin,
+        bias=np.sum([part.bias for part in parts], axis=0),
+        index=np.concatenate([np.arange(part.index.start, part.index.stop) for part in parts]),
+    )
+
+
+def passive_columns(freedoms: Freedoms) -> Columns:
+    """Find the wrenches that do no work on the freedoms.
+
+    Parameters
+    ----------
+    freedoms
+        Motion axes of the joint.
+
+    Returns
+    -------
+    Columns
+        6 - n of them: forces and moments in separate columns where the axes are pure rotations about one point or
+        pure translations, otherwise an orthonormal basis.
+    """
+    at_point = motion_about(freedoms.origin, freedoms.axes)
+    slides, turns = at_point[:3], at_point[3:]
+    size = _PURE * max(1.0, float(np.linalg.norm(freedoms.origin)))
+    zero = np.zeros((3, 3))
+    if np.abs(slides).max(initial=0.0) < size:
+        moments = _complement(turns)
+        force, moment = np.hstack([np.eye(3), 0 * moments]), np.hstack([zero, moments])
+    elif np.abs(turns).max() < size:
+        forces = _complement(slides)
+        force, moment = np.hstack([forces, zero]), np.hstack([0 * forces, np.eye(3)])
+    else:
+        both = _complement(at_point)
+        force, moment = both[:3], both[3:]
+    wrenches = force_at(freedoms.origin, force, moment)
+    return Columns(wrenches, wrenches.T @ freedoms.bias)
+
+
+def motor_column(freedoms: Freedoms, entry: int, acceleration: float) -> Columns:
+    """Build the column of a motor: unit effort on its own freedom, none on the others of the joint.
+
+    Parameters
+    ----------
+    freedoms
+        Motion axes of the compound joint that holds the motor.
+    entry
+        Tangent entry of the motor.
+    acceleration
+        Its demanded acceleration [m/s² or rad/s²].
+
+    Returns
+    -------
+    Columns
+        One column.
+    """
+    axes = motion_about(freedoms.origin, freedoms.axes)
+    # The dual basis S (SᵀS)⁻¹: power of column k is the rate of freedom k.
+    dual = np.linalg.pinv(axes).T[:, freedoms.index == entry]
+    wrench = force_at(freedoms.origin, dual[:3], dual[3:])
+    return Columns(wrench, wrench.T @ freedoms.bias + acceleration)
+
+
+def loop_columns(loop: Loop, link1: LinkMotion, link2: LinkMotion) -> Columns:
+    """Build the columns of a loop, one per row of its gap, in the sign of its reactions.
+
+    Parameters
+    ----------
+    loop
+        The loop.
+    link1, link2
+        Motion of its links.
+
+    Returns
+    -------
+    Columns
+        Wrenches on link 2.
+    """
+    rotation1 = link1.rotation @ loop.placement1.rotation
+    rotation2 = link2.rotation @ loop.placement2.rotation
+    point1 = link1.origin + link1.rotation @ loop.placement1.translation
+    point2 = link2.origin + link2.rotation @ loop.placement2.translation
+    ends = _Ends(rotation1, rotation2, point1, point2, link1.twist, link2.twist)
+    wrenches, demands = zip(*(_loop_row(row, ends) for row in closure_rows(loop)), strict=True)
+    return Columns(np.stack(wrenches, axis=1), np.array(demands))
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """Loop frames in the world, with the twists of the links that carry them."""
+
+    rotation1: FloatArray
+    rotation2: FloatArray
+    point1: FloatArray
+    point2: FloatArray
+    twist1: FloatArray
+    twist2: FloatArray
+
+
+def _loop_row(row: Row, ends: _Ends) -> tuple[FloatArray, float]:
+    """Wrench of one row, and the demand from differentiating the row twice in the world frame."""
+    w1, w2 = ends.twist1[3:], ends.twist2[3:]
+    if isinstance(row, AngleRow):
+        # g = u1 · u2 with both turning: d²g = (u2 × u1)·(α2 - α1) + u1·(w2×(w2×u2)) + u2·(w1×(w1×u1)) + 2 u̇1·u̇2.
+        u1, u2 = ends.rotation1 @ row.u1, ends.rotation2 @ row.u2
+        rate1, rate2 = skew(w1) @ u1, skew(w2) @ u2
+        known = u1 @ skew(w2) @ rate2 + u2 @ skew(w1) @ rate1 + 2 * rate1 @ rate2
+        return np.concatenate([np.zeros(3), skew(u2) @ u1]), -float(known)
+    point = ends.point2
+    reach = ends.point2 - ends.point1
+    # Both bodies are looked at where frame 2 is: body 1's material point there moves with `velocity1`.
+    velocity1, velocity2 = (motion_about(point, twist)[:3] for twist in (ends.twist1, ends.twist2))
+    apart = velocity2 - velocity1
+    # Spatial to classical acceleration of these points adds ω × velocity.
+    classical = skew(w2) @ velocity2 - skew(w1) @ velocity1
+    if isinstance(row, NormalRow):
+        n = ends.rotation1 @ row.normal
+        # g = n·reach with n fixed in body 1: d²g = n·(relative acceleration) + 2 (w1 × n)·apart.
+        known = n @ classical + 2 * skew(w1) @ n @ apart
+    else:
+        length = np.linalg.norm(reach)
+        n = reach / length
+        slip = apart - n * (n @ apart)
+        # g = |reach|: seen from body 1, d²g = n·c̈ + |slip|²/length; c̈ gains -2 w1 × apart from body 1's turning.
+        known = n @ (classical - 2 * skew(w1) @ apart) + slip @ slip / length
+    return np.concatenate([n, skew(point) @ n]), -float(known)
+
+
+def _complement(columns: FloatArray) -> FloatArray:
+    """Orthonormal basis of what is orthogonal to n columns: always m - n vectors, also where the columns degenerate."""
+    m, n = columns.shape
+    if n == 0:
+        return np.eye(m)
+    if n >= m:
+        return np.zeros((m, 0))
+    return np.linalg.svd(columns)[0][:, n:]

@@ -1,0 +1,202 @@
+"""Solve the block system: motor efforts, loop reactions, and the accelerations of all bodies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+
+from stewart_pin.checks import as_array
+from stewart_pin.errors import ActuationError, InputError
+from stewart_pin.mechanics.constraint_matrix.spatial import motion_about
+from stewart_pin.mechanics.constraint_matrix.system import AssembledSystem, ConstraintMatrixSystem, assemble
+from stewart_pin.mechanics.effort import Effort
+from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.typing import ArrayLike, FloatArray, Tangent
+
+_RANK = 1e-11
+"""Singular values or pivots below this, relative to the largest, count as zero."""
+_CONSISTENT = 1e-6
+"""How far a state may be from closed loops, relative to its size."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """Unknowns of the block system, and the freedom left in them: (n, k) orthonormal basis, k = 0 when unique."""
+
+    unknowns: FloatArray
+    undetermined: FloatArray
+
+
+def constraint_matrix_inverse_dynamics(
+    chain: ClosedChain, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, throw: bool = True
+) -> Effort:
+    """Compute motor efforts and loop reactions from the maximal-coordinate system.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity that keeps them closed [m/s, rad/s].
+    a
+        (nv,) tangent acceleration that keeps them closed [m/s², rad/s²].
+    throw
+        Whether motors that cannot hold the robot are an error; otherwise the least-squares efforts are returned with
+        their residual.
+
+    Returns
+    -------
+    Effort
+        Motor efforts and reactions; where the system is singular the least-norm ones, motors first, then loops.
+
+    Raises
+    ------
+    ActuationError
+        If the motors cannot hold the robot.
+    InputError
+        If the state does not keep the loops closed.
+    """
+    q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
+    a = as_array("a", a, (chain.nv,))
+    assembled = assemble(chain, q, v, a)
+    system = assembled.system
+    _require_consistent(assembled, a)
+    n_bodies = system.f_p.size
+    solution = _solve(system)
+    motors = slice(solution.unknowns.size - chain.nu, solution.unknowns.size)
+    first_loop = 1 + sum(freedom.axes.shape[1] < 6 for freedom in assembled.freedoms)
+    loops = slice(n_bodies + system.columns[first_loop].start, motors.start)
+    # Least norm of the wrenches; bodies that nothing determines keep as near to the demand as they can.
+    demand = np.zeros_like(solution.unknowns)
+    demand[:n_bodies] = _tree_accelerations(assembled, a)
+    beyond = _Solution(solution.unknowns - demand, solution.undetermined)
+    unknowns, unique = _least_norm(beyond, [motors, loops, slice(n_bodies), slice(None)])
+    unknowns += demand
+
+    residual_vector = system.matrix @ unknowns - system.right_hand_side
+    if throw:
+        _require_held(chain, assembled, solution, unknowns, a)
+    return Effort(
+        tau_motor=unknowns[motors],
+        lambda_c=unknowns[loops],
+        unique=unique[0],
+        reactions_unique=unique[1],
+        a=_tangent_acceleration(chain, assembled, unknowns[:n_bodies]),
+        residual=float(np.abs(residual_vector[:n_bodies]).max()),
+    )
+
+
+def _solve(system: ConstraintMatrixSystem) -> _Solution:
+    matrix, right = system.matrix, system.right_hand_side
+    factor = _factorise(matrix)
+    if factor is not None:
+        unknowns = factor.solve(right)
+        unknowns += factor.solve(
+            right - matrix @ unknowns
+        )  # one refinement: pivots are chosen for sparsity too
+        return _Solution(unknowns, np.zeros((right.size, 0)))
+    u, s, vt = np.linalg.svd(matrix.toarray())
+    rank = int(np.count_nonzero(s > _RANK * s[0]))
+    unknowns = vt[:rank].T @ ((u[:, :rank].T @ right) / s[:rank])
+    return _Solution(unknowns, vt[rank:].T)
+
+
+def _factorise(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU | None:
+    """Sparse LU, or None where the matrix is singular."""
+    try:
+        factor = scipy.sparse.linalg.splu(matrix)
+    except RuntimeError:  # SuperLU met a pivot of exactly zero
+        return None
+    pivots = np.abs(factor.U.diagonal())
+    return factor if pivots.min() > _RANK * pivots.max() else None
+
+
+def _least_norm(solution: _Solution, groups: list[slice]) -> tuple[FloatArray, list[bool]]:
+    """Among all solutions, make the first group least, then the second, and so on; tell which were unique."""
+    unknowns, basis = solution.unknowns.copy(), solution.undetermined
+    unique: list[bool] = []
+    for group in groups:
+        part = basis[group]
+        u, s, vt = np.linalg.svd(part) if part.size else (np.eye(0), np.zeros(0), np.eye(basis.shape[1]))
+        rank = int(np.count_nonzero(s > 1e-9))
+        unique.append(rank == 0)
+        if rank:
+            step = vt[:rank].T @ ((u[:, :rank].T @ unknowns[group]) / s[:rank])
+            unknowns -= basis @ step
+        basis = basis @ vt[rank:].T
+    return unknowns, unique
+
+
+def _require_consistent(assembled: AssembledSystem, a: Tangent) -> None:
+    """Check gap, rate and acceleration of the loops as the bodies' own motion shows them."""
+    system = assembled.system
+    bodies = _tree_accelerations(assembled, a)
+    names = {name: columns for name, columns in zip(system.joints, system.columns, strict=True)}
+    twists = np.concatenate([assembled.links[body.name].twist for body in assembled.topology.bodies])
+    matrix = system.C.toarray()
+    for joint in assembled.topology.loops:
+        columns = names[joint.name]
+        rate = matrix[:, columns].T @ twists
+        left = matrix[:, columns].T @ bodies - system.c_a[columns]
+        for what, value, size in (("v", rate, twists), ("a", left, bodies)):
+            worst = float(np.abs(value).max(initial=0.0))
+            if worst > _CONSISTENT * max(1.0, float(np.abs(size).max())):
+                raise InputError(
+                    f"{what} does not keep loop '{joint.name}' closed: {worst:.3g} is left over; see platform_motion"
+                )
+
+
+def _tree_accelerations(assembled: AssembledSystem, a: Tangent) -> FloatArray:
+    """Spatial accelerations of all bodies for a tangent acceleration: (6 n_bodies,)."""
+    at = {assembled.topology.bodies[0].name: np.zeros(6)}
+    for compound, freedom in zip(assembled.topology.tree, assembled.freedoms, strict=True):
+        at[compound.successor] = at[compound.predecessor] + freedom.axes @ a[freedom.index] + freedom.bias
+    return np.concatenate([at[body.name] for body in assembled.topology.bodies])
+
+
+def _tangent_acceleration(chain: ClosedChain, assembled: AssembledSystem, bodies: FloatArray) -> Tangent:
+    """Joint accelerations from the bodies' accelerations."""
+    at = {body.name: bodies[6 * k : 6 * k + 6] for k, body in enumerate(assembled.topology.bodies)}
+    a = np.zeros(chain.nv)
+    for compound, freedom in zip(assembled.topology.tree, assembled.freedoms, strict=True):
+        relative = at[compound.successor] - at[compound.predecessor] - freedom.bias
+        axes = motion_about(freedom.origin, freedom.axes)
+        a[freedom.index] = np.linalg.lstsq(axes, motion_about(freedom.origin, relative), rcond=None)[0]
+    return a
+
+
+def _require_held(
+    chain: ClosedChain, assembled: AssembledSystem, solution: _Solution, unknowns: FloatArray, a: Tangent
+) -> None:
+    """Refuse when the platform does not do what was asked, or could move with all joints' wrenches at work."""
+    system = assembled.system
+    carrier = chain.platform
+    while carrier not in system.bodies:
+        carrier = next(joint.parent for joint in chain.mechanism.joints if joint.child == carrier)
+    k = system.bodies.index(carrier)
+    rows = slice(6 * k, 6 * k + 6)
+    asked, done = _tree_accelerations(assembled, a)[rows], unknowns[rows]
+    follows = np.abs(asked - done).max() <= _CONSISTENT * max(1.0, float(np.abs(asked).max()))
+    if follows and not solution.undetermined.shape[1]:
+        return
+    # Motions of the bodies that no joint and no motor resists: the null space of Cᵀ.
+    _, s, vt = np.linalg.svd(system.C.T.toarray())
+    rank = int(np.count_nonzero(s > _RANK * s[0]))
+    free = vt[rank:, rows]
+    if follows and (not free.size or np.linalg.norm(free, 2) < 1e-8):
+        return
+    direction = np.linalg.svd(free)[2][0] if free.size else np.sign(asked - done)
+    shown = ", ".join(f"{x:+.3g}" for x in direction)
+    raise ActuationError(
+        f"the motors cannot hold the robot here: the platform keeps a freedom with all motors locked (smallest "
+        f"singular value {s[-1]:.3g}), spatial velocity at the world origin ({shown}); move away from this "
+        "configuration, add a motor, or pass throw=False for least squares",
+        smallest_singular_value=float(s[-1]),
+        direction=direction,
+        names=tuple(f"{carrier} {axis}" for axis in ("vx", "vy", "vz", "wx", "wy", "wz")),
+    )

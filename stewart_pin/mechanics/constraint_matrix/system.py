@@ -1,0 +1,212 @@
+r"""The block system of the maximal coordinates.
+
+    -I a + C η = f_p,    Cᵀ a = c_a,    f_p = -f_e - I g + v ×* I v per body.
+
+a are the spatial accelerations of the bodies, η the amplitudes of the joint wrenches; the last entries of η are the
+motor efforts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+import scipy.sparse
+
+from stewart_pin.checks import as_array
+from stewart_pin.mechanics.constraint_matrix.columns import (
+    Columns,
+    Freedoms,
+    compound_freedoms,
+    loop_columns,
+    motor_column,
+    passive_columns,
+)
+from stewart_pin.mechanics.constraint_matrix.kinematics import JointMotion, LinkMotion, tree_motion
+from stewart_pin.mechanics.constraint_matrix.spatial import cross_force, spatial_inertia
+from stewart_pin.mechanics.constraint_matrix.topology import Topology, topology
+from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintMatrixSystem:
+    """Maximal-coordinate equations of motion at one state.
+
+    Attributes
+    ----------
+    I
+        (6 n_bodies, 6 n_bodies) sparse block-diagonal spatial inertia, world frame at the world origin
+        [kg, kg m, kg m²].
+    C
+        (6 n_bodies, n_columns) sparse matrix of joint wrenches [force, moment per unit].
+    f_p
+        (6 n_bodies,) gravity and velocity forces, on the side of the wrenches [N, N m].
+    c_a
+        (n_columns,) demanded relative accelerations [m/s², rad/s²].
+    bodies
+        Names of the bodies, six rows each; the ground first.
+    joints
+        Names of the joints: ground, tree joints outwards, loops, motors.
+    columns
+        Columns of each joint.
+    """
+
+    I: scipy.sparse.csc_array  # noqa: E741 - the source's symbol
+    C: scipy.sparse.csc_array
+    f_p: FloatArray
+    c_a: FloatArray
+    bodies: tuple[str, ...]
+    joints: tuple[str, ...]
+    columns: tuple[slice, ...]
+
+    @property
+    def matrix(self) -> scipy.sparse.csc_array:
+        """Block matrix [[-I, C], [Cᵀ, 0]] (n, n) of the unknowns [a; η]."""
+        return scipy.sparse.csc_array(scipy.sparse.bmat([[-self.I, self.C], [self.C.T, None]], format="csc"))
+
+    @property
+    def right_hand_side(self) -> FloatArray:
+        """Vector [f_p; c_a] (n,) [N, N m, m/s², rad/s²]."""
+        return np.concatenate([self.f_p, self.c_a])
+
+
+@dataclass(frozen=True, eq=False)
+class AssembledSystem:
+    """The system together with the kinematics it was assembled from.
+
+    Attributes
+    ----------
+    system
+        The equations.
+    topology
+        Bodies and joints.
+    links, joints
+        Motion of every link and tree joint.
+    freedoms
+        Freedoms of each compound tree joint.
+    """
+
+    system: ConstraintMatrixSystem
+    topology: Topology
+    links: dict[str, LinkMotion]
+    joints: dict[str, JointMotion]
+    freedoms: tuple[Freedoms, ...]
+
+
+def constraint_matrix_system(
+    chain: ClosedChain, q: ArrayLike, v: ArrayLike, a: ArrayLike
+) -> ConstraintMatrixSystem:
+    """Assemble the equations of motion in maximal coordinates.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity [m/s, rad/s].
+    a
+        (nv,) tangent acceleration, of which the motors' entries are demanded [m/s², rad/s²].
+
+    Returns
+    -------
+    ConstraintMatrixSystem
+        I, C, f_p, c_a with the names of bodies and joints.
+    """
+    q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
+    return assemble(chain, q, v, as_array("a", a, (chain.nv,))).system
+
+
+def assemble(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent) -> AssembledSystem:
+    """Assemble the equations and keep the kinematics.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity [m/s, rad/s].
+    a
+        (nv,) tangent acceleration [m/s², rad/s²].
+
+    Returns
+    -------
+    AssembledSystem
+        Equations and kinematics.
+    """
+    layout = topology(chain.mechanism)
+    links, joints = tree_motion(chain, q, v)
+    number = {link.name: k for k, link in enumerate(layout.bodies)}
+    gravity = np.concatenate([chain.gravity, np.zeros(3)])
+
+    inertias, forces = [], []
+    for body in layout.bodies:
+        motion = links[body.name]
+        inertia = spatial_inertia(body.inertia or pin.Inertia.Zero(), motion.rotation, motion.origin)
+        inertias.append(inertia)
+        forces.append(-inertia @ gravity + cross_force(motion.twist, inertia @ motion.twist))
+
+    blocks = _Blocks()
+    blocks.add("ground", None, 0, Columns(np.eye(6), np.zeros(6)))
+    freedoms = tuple(compound_freedoms(compound, joints) for compound in layout.tree)
+    for compound, freedom in zip(layout.tree, freedoms, strict=True):
+        columns = passive_columns(freedom)
+        if columns.acceleration.size:
+            blocks.add(compound.name, number[compound.predecessor], number[compound.successor], columns)
+    for loop in layout.loops:
+        columns = loop_columns(loop.loop, links[loop.loop.link1], links[loop.loop.link2])
+        blocks.add(loop.name, number[loop.predecessor], number[loop.successor], columns)
+    for motor, entry in zip(chain.motors, chain.motor_index, strict=True):
+        at = next(k for k, c in enumerate(layout.tree) if any(part.name == motor for part in c.parts))
+        compound = layout.tree[at]
+        columns = motor_column(freedoms[at], entry, float(a[entry]))
+        blocks.add(f"motor {motor}", number[compound.predecessor], number[compound.successor], columns)
+    system = ConstraintMatrixSystem(
+        I=scipy.sparse.csc_array(scipy.sparse.block_diag(inertias, format="csc")),
+        C=blocks.matrix(6 * len(layout.bodies)),
+        f_p=np.concatenate(forces),
+        c_a=np.concatenate(blocks.demands),
+        bodies=tuple(body.name for body in layout.bodies),
+        joints=tuple(blocks.names),
+        columns=tuple(blocks.slices),
+    )
+    return AssembledSystem(system, layout, links, joints, freedoms)
+
+
+class _Blocks:
+    """Collects the blocks of C in coordinate form."""
+
+    def __init__(self) -> None:
+        self.names: list[str] = []
+        self.slices: list[slice] = []
+        self.demands: list[FloatArray] = []
+        self._rows: list[np.ndarray] = []
+        self._columns: list[np.ndarray] = []
+        self._values: list[FloatArray] = []
+        self._width = 0
+
+    def add(self, name: str, predecessor: int | None, successor: int, columns: Columns) -> None:
+        n = columns.acceleration.size
+        self.names.append(name)
+        self.slices.append(slice(self._width, self._width + n))
+        self.demands.append(columns.acceleration)
+        for body, sign in ((predecessor, -1.0), (successor, 1.0)):
+            if body is not None:
+                rows, cols = np.divmod(np.arange(6 * n), n)
+                self._rows.append(6 * body + rows)
+                self._columns.append(self._width + cols)
+                self._values.append(sign * columns.wrenches.ravel())
+        self._width += n
+
+    def matrix(self, height: int) -> scipy.sparse.csc_array:
+        values = np.concatenate(self._values)
+        rows, columns = np.concatenate(self._rows), np.concatenate(self._columns)
+        keep = values != 0.0
+        return scipy.sparse.csc_array(
+            (values[keep], (rows[keep], columns[keep])), shape=(height, self._width)
+        )

@@ -1,0 +1,164 @@
+"""Which links are bodies, and which joints hold them together.
+
+A link without ``<inertial>`` is no body: the joints on either side of it form one compound joint, so that RX and RY
+around a cross make one universal joint. The ground is a body, held by a joint with six columns.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import lru_cache
+
+from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
+
+
+@dataclass(frozen=True, eq=False)
+class CompoundJoint:
+    """Tree joints in a row, with no body in between.
+
+    Attributes
+    ----------
+    name
+        Names of the parts, joined by "+".
+    predecessor, successor
+        Bodies at the ends.
+    parts
+        The tree joints, from the predecessor on.
+    """
+
+    name: str
+    predecessor: str
+    successor: str
+    parts: tuple[Joint, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class LoopJoint:
+    """A loop closure between two bodies."""
+
+    name: str
+    predecessor: str
+    successor: str
+    loop: Loop
+
+
+@dataclass(frozen=True, eq=False)
+class Topology:
+    """Bodies and joints of the maximal-coordinate system.
+
+    Attributes
+    ----------
+    bodies
+        Links that are bodies, the ground first.
+    tree
+        Compound joints, by their distance from the ground.
+    loops
+        Loop closures.
+    """
+
+    bodies: tuple[Link, ...]
+    tree: tuple[CompoundJoint, ...]
+    loops: tuple[LoopJoint, ...]
+
+
+@lru_cache(maxsize=64)
+def topology(mechanism: Mechanism) -> Topology:
+    """Sort a mechanism into bodies and joints.
+
+    Parameters
+    ----------
+    mechanism
+        Valid description.
+
+    Returns
+    -------
+    Topology
+        Bodies and joints.
+    """
+    return _Sorter(mechanism).run()
+
+
+class _Sorter:
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self.parent = {joint.child: joint for joint in mechanism.joints}
+        self.children: dict[str, list[Joint]] = defaultdict(list)
+        for joint in mechanism.joints:
+            self.children[joint.parent].append(joint)
+        self.closing: dict[str, int] = defaultdict(int)
+        for loop in mechanism.loops:
+            self.closing[loop.link1] += 1
+            self.closing[loop.link2] += 1
+        self.bodies = {link.name for link in mechanism.links if link.inertia is not None} | {mechanism.root}
+
+    def run(self) -> Topology:
+        self._promote_branching_links()
+        tree: list[CompoundJoint] = []
+        frontier = [self.mechanism.root]
+        while frontier:  # breadth first: joints in the order of their distance from the ground
+            found = [compound for body in frontier for compound in self._below(body)]
+            tree += found
+            frontier = [compound.successor for compound in found]
+        order = [self.mechanism.root, *(compound.successor for compound in tree)]
+        links = {link.name: link for link in self.mechanism.links}
+        return Topology(
+            bodies=tuple(links[name] for name in order),
+            tree=tuple(tree),
+            loops=tuple(
+                LoopJoint(loop.name, self._carrier(loop.link1), self._carrier(loop.link2), loop)
+                for loop in self.mechanism.loops
+            ),
+        )
+
+    def _promote_branching_links(self) -> None:
+        """Make a massless link a (massless) body where more than one moving thing hangs on it or a loop ends on it."""
+        for link in self.mechanism.links:
+            name = link.name
+            if name in self.bodies or self._rigid_to_parent(name):
+                continue
+            onward, closing = self._hanging(name)
+            if closing or len(onward) > 1:
+                self.bodies.add(name)
+
+    def _rigid_to_parent(self, name: str) -> bool:
+        return name in self.parent and self.parent[name].kind is JointKind.FIXED
+
+    def _hanging(self, name: str) -> tuple[list[Joint], int]:
+        """Joints that lead on from a massless link and what is fixed to it, and the number of loops there."""
+        onward, closing = [], self.closing[name]
+        for joint in self.children[name]:
+            if joint.kind is JointKind.FIXED and joint.child not in self.bodies:
+                further, more = self._hanging(joint.child)
+                onward += further
+                closing += more
+            elif self._leads_on(joint):
+                onward.append(joint)
+        return onward, closing
+
+    def _leads_on(self, joint: Joint) -> bool:
+        """Whether a body, a loop or a motor is on the far side: anything else is an ornament."""
+        if joint.child in self.bodies or joint.independent or self.closing[joint.child]:
+            return True
+        return any(self._leads_on(below) for below in self.children[joint.child])
+
+    def _carrier(self, name: str) -> str:
+        """Body that a link belongs to: itself, or the one it is fixed to."""
+        while name not in self.bodies:
+            name = self.parent[name].parent
+        return name
+
+    def _below(self, body: str) -> list[CompoundJoint]:
+        found: list[CompoundJoint] = []
+        stack = [(joint, ()) for joint in reversed(self.children[body])]
+        while stack:
+            joint, before = stack.pop()
+            if not self._leads_on(joint):
+                continue
+            parts = (*before, joint)
+            if joint.child in self.bodies:
+                name = "+".join(part.name for part in parts)
+                found.append(CompoundJoint(name, body, joint.child, parts))
+            else:
+                stack += [(below, parts) for below in reversed(self.children[joint.child])]
+        return found

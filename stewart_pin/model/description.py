@@ -1,0 +1,220 @@
+"""A mechanism as data: links, joints, loops and how they hang together, before any library sees it.
+
+Every reader of a file format produces a `Mechanism`; every writer and the builder of the Pinocchio model consume
+one. Frames follow URDF: a joint's frame sits at `placement` in its parent link, and the child link's frame
+is the joint's frame after the joint has moved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from math import inf
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.typing import FloatArray
+
+
+class JointKind(StrEnum):
+    """What a joint, or the closure of a loop, leaves free."""
+
+    FIXED = "fixed"
+    REVOLUTE = "revolute"
+    PRISMATIC = "prismatic"
+    FLOATING = "floating"
+    SPHERICAL = "spherical"
+    UNIVERSAL = "universal"
+    CYLINDRICAL = "cylindrical"
+    PLANAR = "planar"
+    POINT_ON_LINE = "point_on_line"
+    DISTANCE = "distance"
+
+
+TREE_KINDS = (
+    JointKind.FIXED,
+    JointKind.REVOLUTE,
+    JointKind.PRISMATIC,
+    JointKind.FLOATING,
+    JointKind.SPHERICAL,
+)
+"""Kinds that a joint of the spanning tree may have."""
+
+LOOP_KINDS = tuple(kind for kind in JointKind if kind is not JointKind.FLOATING)
+"""Kinds that the closure of a loop may have."""
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A rigid link.
+
+    Attributes
+    ----------
+    name
+        Unique name.
+    inertia
+        Mass [kg], centre of mass [m] and inertia about it [kg m²] in the link frame; None: the link is no body.
+    """
+
+    name: str
+    inertia: pin.Inertia | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint of the spanning tree.
+
+    Attributes
+    ----------
+    name
+        Unique name.
+    kind
+        One of `TREE_KINDS`.
+    parent, child
+        Link names.
+    placement
+        Joint frame in the parent link at zero joint value.
+    axis
+        (3,) unit vector in the joint frame, for one-freedom joints.
+    lower, upper
+        Position limits of a one-freedom joint [m or rad].
+    effort, velocity
+        Largest effort [N or N m] and speed [m/s or rad/s].
+    independent
+        Whether a motor drives the joint.
+    """
+
+    name: str
+    kind: JointKind
+    parent: str
+    child: str
+    placement: pin.SE3
+    axis: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    lower: float = -inf
+    upper: float = inf
+    effort: float = inf
+    velocity: float = inf
+    independent: bool = False
+
+    @property
+    def has_axis(self) -> bool:
+        """Whether the joint has one freedom, along or about its axis."""
+        return self.kind in (JointKind.REVOLUTE, JointKind.PRISMATIC)
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A joint that closes a loop: a frame on link 1 and a frame on link 2 that move as the kind allows.
+
+    Attributes
+    ----------
+    name
+        Unique name.
+    kind
+        One of `LOOP_KINDS`.
+    link1, link2
+        Link names (predecessor, successor).
+    placement1, placement2
+        Loop frames 1 and 2 in their links.
+    axis
+        (3,) unit vector of the free axis, or of the plane's normal, in frame 1; for kinds that share it, in frame 2
+        as well. A universal joint turns about `axis` of frame 1 and `axis2` of frame 2.
+    axis2
+        (3,) second axis of a universal joint, in frame 2.
+    length
+        Distance kept between the frame origins by a `DISTANCE` loop [m].
+    """
+
+    name: str
+    kind: JointKind
+    link1: str
+    link2: str
+    placement1: pin.SE3
+    placement2: pin.SE3
+    axis: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    axis2: FloatArray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
+    length: float = 0.0
+
+
+@dataclass(frozen=True)
+class Note:
+    """Something a reader found and did not turn into the mechanism.
+
+    Attributes
+    ----------
+    subject
+        Tag or name.
+    text
+        What became of it, and why.
+    """
+
+    subject: str
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """Links, joints and loops of one machine.
+
+    Attributes
+    ----------
+    name
+        Name of the robot.
+    links, joints, loops
+        Parts, in the order of the file.
+    platform
+        Link that carries the platform frame, or None when nothing says so.
+    home
+        Joint values of the home configuration: ``{joint: values}``, Pinocchio's convention [m, rad, quaternion].
+    source
+        File the mechanism came from, for messages.
+    notes
+        What the reader ignored or interpreted.
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    loops: tuple[Loop, ...] = ()
+    platform: str | None = None
+    home: Mapping[str, FloatArray] = field(default_factory=dict)
+    source: str = ""
+    notes: tuple[Note, ...] = ()
+
+    @property
+    def root(self) -> str:
+        """Name of the one link without a parent: the ground."""
+        children = {joint.child for joint in self.joints}
+        return next(link.name for link in self.links if link.name not in children)
+
+    def link(self, name: str) -> Link:
+        """Return a link.
+
+        Parameters
+        ----------
+        name
+            Its name.
+
+        Returns
+        -------
+        Link
+            The link.
+        """
+        return next(link for link in self.links if link.name == name)
+
+    def joint(self, name: str) -> Joint:
+        """Return a joint.
+
+        Parameters
+        ----------
+        name
+            Its name.
+
+        Returns
+        -------
+        Joint
+            The joint.
+        """
+        return next(joint for joint in self.joints if joint.name == name)

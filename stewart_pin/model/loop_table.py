@@ -1,0 +1,145 @@
+"""Loops as arrays: where each loop frame sits on the Pinocchio tree, and the rows sorted by primitive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.model.description import Mechanism
+from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows
+from stewart_pin.typing import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class RowGroup:
+    """Rows of one primitive.
+
+    Attributes
+    ----------
+    index
+        (r,) position of each row among all loop rows.
+    loop
+        (r,) loop of each row.
+    vector1
+        (r, 3) normal or u1 in frame 1; unused by length rows.
+    vector2
+        (r, 3) u2 in frame 2; unused by normal and length rows.
+    length
+        (r,) [m], used by length rows.
+    """
+
+    index: np.ndarray
+    loop: np.ndarray
+    vector1: FloatArray
+    vector2: FloatArray
+    length: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class LoopTable:
+    """All loops of a chain.
+
+    Attributes
+    ----------
+    size
+        Number of rows.
+    names
+        Readable name of every row.
+    slices
+        Rows of each loop.
+    joint1, joint2
+        (L,) Pinocchio joint ids that carry frames 1 and 2.
+    rotation1, rotation2
+        (L, 3, 3) loop frames in their joints.
+    translation1, translation2
+        (L, 3) loop frames in their joints [m].
+    difference
+        (L, nv) +1 where a tangent entry moves only frame 2, -1 where only frame 1, 0 where both or neither.
+    normal, angle, rod
+        Rows by primitive.
+    """
+
+    size: int
+    names: tuple[str, ...]
+    slices: tuple[slice, ...]
+    joint1: tuple[int, ...]
+    joint2: tuple[int, ...]
+    rotation1: FloatArray
+    rotation2: FloatArray
+    translation1: FloatArray
+    translation2: FloatArray
+    difference: FloatArray
+    normal: RowGroup
+    angle: RowGroup
+    rod: RowGroup
+
+
+def build_loop_table(mechanism: Mechanism, model: pin.Model) -> LoopTable:
+    """Tabulate the loops of a mechanism on its Pinocchio tree.
+
+    Parameters
+    ----------
+    mechanism
+        Description with the loops.
+    model
+        Tree built from it.
+
+    Returns
+    -------
+    LoopTable
+        The loops as arrays.
+    """
+    ends: list[list[tuple[int, pin.SE3]]] = [[], []]
+    names: list[str] = []
+    slices: list[slice] = []
+    groups: dict[type, list[tuple[int, int, object]]] = {NormalRow: [], AngleRow: [], LengthRow: []}
+    for number, loop in enumerate(mechanism.loops):
+        for side, link, placement in ((0, loop.link1, loop.placement1), (1, loop.link2, loop.placement2)):
+            frame = model.frames[model.getFrameId(link)]
+            ends[side].append((frame.parentJoint, frame.placement * placement))
+        rows = closure_rows(loop)
+        start = len(names)
+        for k, row in enumerate(rows):
+            groups[type(row)].append((start + k, number, row))
+            names.append(f"{loop.name} row {k + 1}")
+        slices.append(slice(start, len(names)))
+    support = [np.array([_support(model, joint) for joint, _ in side]).reshape(-1, model.nv) for side in ends]
+    return LoopTable(
+        size=len(names),
+        names=tuple(names),
+        slices=tuple(slices),
+        joint1=tuple(joint for joint, _ in ends[0]),
+        joint2=tuple(joint for joint, _ in ends[1]),
+        rotation1=np.array([placement.rotation for _, placement in ends[0]]).reshape(-1, 3, 3),
+        rotation2=np.array([placement.rotation for _, placement in ends[1]]).reshape(-1, 3, 3),
+        translation1=np.array([placement.translation for _, placement in ends[0]]).reshape(-1, 3),
+        translation2=np.array([placement.translation for _, placement in ends[1]]).reshape(-1, 3),
+        difference=support[1] - support[0],
+        normal=_group(groups[NormalRow]),
+        angle=_group(groups[AngleRow]),
+        rod=_group(groups[LengthRow]),
+    )
+
+
+def _support(model: pin.Model, joint: int) -> FloatArray:
+    """Mark the tangent entries that move a joint: (nv,) of 0 and 1."""
+    mask = np.zeros(model.nv)
+    while joint:
+        first = model.joints[joint].idx_v
+        mask[first : first + model.joints[joint].nv] = 1.0
+        joint = model.parents[joint]
+    return mask
+
+
+def _group(entries: list) -> RowGroup:
+    zero = np.zeros(3)
+    first = [getattr(row, "normal", getattr(row, "u1", zero)) for _, _, row in entries]
+    return RowGroup(
+        index=np.array([index for index, _, _ in entries], dtype=int),
+        loop=np.array([loop for _, loop, _ in entries], dtype=int),
+        vector1=np.array(first, dtype=float).reshape(-1, 3),
+        vector2=np.array([getattr(row, "u2", zero) for _, _, row in entries], dtype=float).reshape(-1, 3),
+        length=np.array([getattr(row, "length", 0.0) for _, _, row in entries], dtype=float),
+    )

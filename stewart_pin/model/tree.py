@@ -1,0 +1,94 @@
+"""From a description to the Pinocchio model of its spanning tree.
+
+Joints are visited depth-first, the children of a link in the alphabetical order of their joints: the order of
+`pinocchio.buildModelFromURDF`, so that configurations can be exchanged with it. Unlike there, every revolute joint
+has one coordinate (a `continuous` joint is a revolute joint without limits).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.model.description import Joint, JointKind, Mechanism
+from stewart_pin.typing import ArrayLike
+
+_AXES = np.eye(3)
+
+
+def build_tree(mechanism: Mechanism, gravity: ArrayLike) -> pin.Model:
+    """Build the Pinocchio model of the spanning tree.
+
+    Parameters
+    ----------
+    mechanism
+        Valid description.
+    gravity
+        (3,) acceleration of free fall in the world frame [m/s²].
+
+    Returns
+    -------
+    pinocchio.Model
+        One joint per moving joint; a body frame per link, with the link's name.
+    """
+    model = pin.Model()
+    model.name = mechanism.name
+    model.gravity = pin.Motion(np.asarray(gravity, dtype=float), np.zeros(3))
+    children: dict[str, list[Joint]] = {link.name: [] for link in mechanism.links}
+    for joint in sorted(mechanism.joints, key=lambda joint: joint.name):
+        children[joint.parent].append(joint)
+    inertias = {link.name: link.inertia for link in mechanism.links}
+
+    # Depth-first; each entry: joint to add, carrying Pinocchio joint, placement of the parent link in it, frame id.
+    root = mechanism.root
+    ground = _add_body(model, root, 0, pin.SE3.Identity(), 0, inertias[root])
+    stack = [(joint, 0, pin.SE3.Identity(), ground) for joint in reversed(children[root])]
+    while stack:
+        joint, carrier, link_placement, frame = stack.pop()
+        placement = link_placement * joint.placement
+        if joint.kind is JointKind.FIXED:
+            fixed = pin.Frame(joint.name, carrier, frame, placement, pin.FrameType.FIXED_JOINT)
+            frame = model.addFrame(fixed)
+        else:
+            carrier = _add_joint(model, joint, carrier, placement)
+            frame = model.addJointFrame(carrier, frame)
+            placement = pin.SE3.Identity()
+        frame = _add_body(model, joint.child, carrier, placement, frame, inertias[joint.child])
+        stack += [(below, carrier, placement, frame) for below in reversed(children[joint.child])]
+    return model
+
+
+def _add_body(
+    model: pin.Model, link: str, carrier: int, placement: pin.SE3, frame: int, inertia: pin.Inertia | None
+) -> int:
+    if inertia is not None:
+        model.appendBodyToJoint(carrier, inertia, placement)
+    return model.addBodyFrame(link, carrier, placement, frame)
+
+
+def _add_joint(model: pin.Model, joint: Joint, carrier: int, placement: pin.SE3) -> int:
+    kind = _joint_model(joint)
+    nq, nv = kind.nq, kind.nv
+    lower, upper = np.full(nq, -np.inf), np.full(nq, np.inf)
+    effort, velocity = np.full(nv, np.inf), np.full(nv, np.inf)
+    if joint.has_axis:
+        lower[:], upper[:], effort[:], velocity[:] = joint.lower, joint.upper, joint.effort, joint.velocity
+    return model.addJoint(carrier, kind, placement, joint.name, effort, velocity, lower, upper)
+
+
+def _joint_model(joint: Joint) -> pin.JointModel:
+    match joint.kind:
+        case JointKind.FLOATING:
+            return pin.JointModelFreeFlyer()
+        case JointKind.SPHERICAL:
+            return pin.JointModelSpherical()
+        case JointKind.REVOLUTE:
+            aligned = (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)
+            general = pin.JointModelRevoluteUnaligned
+        case _:
+            aligned = (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ)
+            general = pin.JointModelPrismaticUnaligned
+    for model, axis in zip(aligned, _AXES, strict=True):
+        if np.array_equal(joint.axis, axis):
+            return model()
+    return general(joint.axis)

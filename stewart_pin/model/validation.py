@@ -1,0 +1,202 @@
+"""Does a description describe a mechanism? Every refusal names the culprit and the remedy."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.errors import MechanismError
+from stewart_pin.model.description import LOOP_KINDS, TREE_KINDS, Link, Mechanism
+
+_ROUND_OFF = 1e-9
+"""Slack of the triangle inequality, relative to the trace: thin rods printed with few digits touch it."""
+
+
+def validate(mechanism: Mechanism) -> None:
+    """Refuse what is no mechanism.
+
+    Parameters
+    ----------
+    mechanism
+        Description to check: unique names, one tree, existing frames, physical inertias, sensible numbers.
+
+    Raises
+    ------
+    MechanismError
+        Naming the link, joint or loop at fault.
+    """
+    _Validator(mechanism).run()
+
+
+class _Validator:
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        self.links = {link.name for link in mechanism.links}
+
+    def run(self) -> None:
+        m = self.mechanism
+        self._unique("link", (link.name for link in m.links))
+        self._unique("joint", (joint.name for joint in m.joints))
+        self._unique("loop", (loop.name for loop in m.loops))
+        for link in m.links:
+            self._inertia(link)
+        self._joints()
+        self._tree()
+        self._loops()
+        if m.platform is not None and m.platform not in self.links:
+            raise self._error(
+                m.platform, f"platform names the missing link '{m.platform}'; {self._have_links()}"
+            )
+        missing = set(m.home) - {joint.name for joint in m.joints}
+        if missing:
+            raise self._error(
+                min(missing), f"the home configuration names the missing joint '{min(missing)}'"
+            )
+
+    def _error(self, culprit: str, text: str) -> MechanismError:
+        return MechanismError(text, path=self.mechanism.source, culprit=culprit)
+
+    def _have_links(self) -> str:
+        return "the links are: " + ", ".join(sorted(self.links))
+
+    def _unique(self, what: str, names: Iterable[str]) -> None:
+        for name, count in Counter(names).items():
+            if count > 1:
+                raise self._error(name, f"{count} {what}s are called '{name}'; rename all but one")
+
+    def _inertia(self, link: Link) -> None:
+        if link.inertia is None:
+            return
+        mass, com, inertia = link.inertia.mass, link.inertia.lever, link.inertia.inertia
+        if not (np.isfinite(mass) and np.isfinite(com).all() and np.isfinite(inertia).all()):
+            raise self._error(link.name, f"link '{link.name}' has a mass or inertia that is not finite")
+        if mass < 0:
+            raise self._error(
+                link.name, f"link '{link.name}' has the negative mass {mass:g} kg; masses are >= 0"
+            )
+        problem = inertia_problem(inertia)
+        if problem:
+            raise self._error(link.name, f"link '{link.name}': {problem}")
+        if mass == 0 and np.abs(inertia).max() > 0:
+            raise self._error(
+                link.name,
+                f"link '{link.name}' has inertia but no mass; give it a mass, or remove its <inertial> element",
+            )
+
+    def _joints(self) -> None:
+        for joint in self.mechanism.joints:
+            if joint.kind not in TREE_KINDS:
+                raise self._error(
+                    joint.name, f"joint '{joint.name}' cannot be of type '{joint.kind}' in the tree"
+                )
+            for role, name in (("parent", joint.parent), ("child", joint.child)):
+                if name not in self.links:
+                    raise self._error(
+                        joint.name,
+                        f"joint '{joint.name}' has the missing {role} link '{name}'; {self._have_links()}",
+                    )
+            if joint.lower > joint.upper:
+                raise self._error(
+                    joint.name,
+                    f"joint '{joint.name}' has lower limit {joint.lower:g} above upper limit {joint.upper:g}",
+                )
+            for what, value in (("effort", joint.effort), ("velocity", joint.velocity)):
+                if not value >= 0:
+                    raise self._error(
+                        joint.name, f"joint '{joint.name}' has the {what} limit {value:g}; it is >= 0"
+                    )
+            if joint.independent and not joint.has_axis:
+                raise self._error(
+                    joint.name,
+                    f"joint '{joint.name}' is marked independent, but a motor drives a revolute or prismatic joint, "
+                    f"not one of type '{joint.kind}'",
+                )
+
+    def _tree(self) -> None:
+        parents: dict[str, str] = {}
+        for joint in self.mechanism.joints:
+            if joint.child in parents:
+                raise self._error(
+                    joint.child,
+                    f"link '{joint.child}' has two parents, through the joints '{parents[joint.child]}' and "
+                    f"'{joint.name}'; a file may hold one tree: write the second joint as a <loop>",
+                )
+            parents[joint.child] = joint.name
+        roots = sorted(self.links - set(parents))
+        if not self.mechanism.links:
+            raise self._error(self.mechanism.name, "there is no <link>")
+        if len(roots) > 1:
+            raise self._error(
+                roots[1], f"links without a parent: {', '.join(roots)}; one, the ground, may have none"
+            )
+        reached, frontier = set(roots), list(roots)
+        while frontier:
+            link = frontier.pop()
+            below = [joint.child for joint in self.mechanism.joints if joint.parent == link]
+            reached.update(below)
+            frontier.extend(below)
+        if reached != self.links:
+            lost = min(self.links - reached)
+            raise self._error(lost, f"link '{lost}' hangs on a cycle of joints, not on the ground")
+
+    def _loops(self) -> None:
+        for loop in self.mechanism.loops:
+            if loop.kind not in LOOP_KINDS:
+                raise self._error(loop.name, f"loop '{loop.name}' cannot be of type '{loop.kind}'")
+            for role, name in (("predecessor", loop.link1), ("successor", loop.link2)):
+                if name not in self.links:
+                    raise self._error(
+                        loop.name,
+                        f"loop '{loop.name}' has the missing {role} link '{name}'; {self._have_links()}",
+                    )
+            if loop.link1 == loop.link2:
+                raise self._error(loop.name, f"loop '{loop.name}' joins link '{loop.link1}' to itself")
+            if loop.kind == "distance" and not loop.length > 0:
+                raise self._error(
+                    loop.name,
+                    f"loop '{loop.name}' keeps the distance {loop.length:g} m; give a <length value> above zero",
+                )
+
+
+def inertia_problem(inertia: np.ndarray) -> str | None:
+    """Say what is unphysical about a rotational inertia.
+
+    Parameters
+    ----------
+    inertia
+        (3, 3) about the centre of mass [kg m²].
+
+    Returns
+    -------
+    str or None
+        The reason, or None for the inertia of a real body.
+    """
+    moments = np.linalg.eigvalsh(inertia)
+    slack = _ROUND_OFF * np.abs(moments).sum()
+    if moments[0] < -slack:
+        return f"the inertia has the negative principal moment {moments[0]:g} kg m²"
+    if moments[2] > moments[0] + moments[1] + slack:
+        return (
+            f"the principal moments {moments[0]:g}, {moments[1]:g}, {moments[2]:g} kg m² break the triangle "
+            "inequality: no body has one moment larger than the sum of the other two"
+        )
+    return None
+
+
+def is_massless(inertia: pin.Inertia | None) -> bool:
+    """Tell whether a link carries no inertia at all.
+
+    Parameters
+    ----------
+    inertia
+        Inertia of a link, or None.
+
+    Returns
+    -------
+    bool
+        Whether mass and rotational inertia are zero or absent.
+    """
+    return inertia is None or (inertia.mass == 0 and not np.any(inertia.inertia))
