@@ -3,6 +3,8 @@
 ``import stewart_pin as stp`` gives the verbs; a robot with loops is a `ClosedChain`, read by `load`.
 """
 
+from stewart_pin import errors as errors
+from stewart_pin import viz as viz
 from stewart_pin.building.exporting import export as export
 from stewart_pin.building.exporting import write_urdf as write_urdf
 from stewart_pin.building.from_hexapod import hexapod_chain as hexapod_chain
@@ -44,5 +46,10 @@ from stewart_pin.mechanics.kinematics import platform_pose as platform_pose
 from stewart_pin.mechanics.mobility import Mobility as Mobility
 from stewart_pin.mechanics.mobility import mobility as mobility
 from stewart_pin.model.chain import ClosedChain as ClosedChain
+from stewart_pin.motion.trajectories import PlatformSamples as PlatformSamples
+from stewart_pin.motion.trajectories import sample_times as sample_times
+from stewart_pin.motion.trajectories import sinusoidal_motion as sinusoidal_motion
+from stewart_pin.studies.comparison import Comparison as Comparison
+from stewart_pin.studies.comparison import compare_methods as compare_methods
 
 __version__ = "0.1.0"

@@ -49,6 +49,8 @@ class ConstraintMatrixSystem:
         Names of the bodies, six rows each; the ground first.
     joints
         Names of the joints: ground, tree joints outwards, loops, motors.
+    kinds
+        Kind of each joint: ground, universal, prismatic, spherical, ..., motor.
     columns
         Columns of each joint.
     """
@@ -59,6 +61,7 @@ class ConstraintMatrixSystem:
     c_a: FloatArray
     bodies: tuple[str, ...]
     joints: tuple[str, ...]
+    kinds: tuple[str, ...]
     columns: tuple[slice, ...]
 
     @property
@@ -152,20 +155,28 @@ def assemble(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent) -> As
         forces.append(-inertia @ gravity + cross_force(motion.twist, inertia @ motion.twist))
 
     blocks = _Blocks()
-    blocks.add("ground", None, 0, Columns(np.eye(6), np.zeros(6)))
+    blocks.add("ground", "ground", None, 0, Columns(np.eye(6), np.zeros(6)))
     freedoms = tuple(compound_freedoms(compound, joints) for compound in layout.tree)
     for compound, freedom in zip(layout.tree, freedoms, strict=True):
         columns = passive_columns(freedom)
         if columns.acceleration.size:
-            blocks.add(compound.name, number[compound.predecessor], number[compound.successor], columns)
+            blocks.add(
+                compound.name,
+                compound.kind,
+                number[compound.predecessor],
+                number[compound.successor],
+                columns,
+            )
     for loop in layout.loops:
         columns = loop_columns(loop.loop, links[loop.loop.link1], links[loop.loop.link2])
-        blocks.add(loop.name, number[loop.predecessor], number[loop.successor], columns)
+        blocks.add(loop.name, str(loop.loop.kind), number[loop.predecessor], number[loop.successor], columns)
     for motor, entry in zip(chain.motors, chain.motor_index, strict=True):
         at = next(k for k, c in enumerate(layout.tree) if any(part.name == motor for part in c.parts))
         compound = layout.tree[at]
         columns = motor_column(freedoms[at], entry, float(a[entry]))
-        blocks.add(f"motor {motor}", number[compound.predecessor], number[compound.successor], columns)
+        blocks.add(
+            f"motor {motor}", "motor", number[compound.predecessor], number[compound.successor], columns
+        )
     system = ConstraintMatrixSystem(
         I=scipy.sparse.csc_array(scipy.sparse.block_diag(inertias, format="csc")),
         C=blocks.matrix(6 * len(layout.bodies)),
@@ -173,6 +184,7 @@ def assemble(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent) -> As
         c_a=np.concatenate(blocks.demands),
         bodies=tuple(body.name for body in layout.bodies),
         joints=tuple(blocks.names),
+        kinds=tuple(blocks.kinds),
         columns=tuple(blocks.slices),
     )
     return AssembledSystem(system, layout, links, joints, freedoms)
@@ -183,6 +195,7 @@ class _Blocks:
 
     def __init__(self) -> None:
         self.names: list[str] = []
+        self.kinds: list[str] = []
         self.slices: list[slice] = []
         self.demands: list[FloatArray] = []
         self._rows: list[np.ndarray] = []
@@ -190,9 +203,10 @@ class _Blocks:
         self._values: list[FloatArray] = []
         self._width = 0
 
-    def add(self, name: str, predecessor: int | None, successor: int, columns: Columns) -> None:
+    def add(self, name: str, kind: str, predecessor: int | None, successor: int, columns: Columns) -> None:
         n = columns.acceleration.size
         self.names.append(name)
+        self.kinds.append(kind)
         self.slices.append(slice(self._width, self._width + n))
         self.demands.append(columns.acceleration)
         for body, sign in ((predecessor, -1.0), (successor, 1.0)):

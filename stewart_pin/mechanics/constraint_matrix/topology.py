@@ -32,6 +32,14 @@ class CompoundJoint:
     successor: str
     parts: tuple[Joint, ...]
 
+    @property
+    def kind(self) -> str:
+        """What the parts make together: two revolute joints a universal one, three a spherical one."""
+        kinds = [part.kind for part in self.parts if part.kind is not JointKind.FIXED]
+        if kinds == [JointKind.REVOLUTE] * len(kinds) and len(kinds) in (2, 3):
+            return (JointKind.UNIVERSAL if len(kinds) == 2 else JointKind.SPHERICAL).value
+        return "+".join(kinds) or JointKind.FIXED.value
+
 
 @dataclass(frozen=True, eq=False)
 class LoopJoint:

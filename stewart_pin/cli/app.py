@@ -1,0 +1,19 @@
+"""The commands."""
+
+from __future__ import annotations
+
+import typer
+
+from stewart_pin.cli.compare import compare
+from stewart_pin.cli.inspect import inspect
+
+app = typer.Typer(
+    name="stewart_pin",
+    help="Closed-chain (parallel-robot) dynamics on Pinocchio.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.command()(compare)
+app.command()(inspect)

@@ -1,0 +1,177 @@
+"""The same forces by every method: how well they agree, and what each mass contributes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.building.hexapod_bodies import hexapod_bodies
+from stewart_pin.building.variants import massless_legs, replace_inertias
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.geometry.hexapod import Hexapod, point_mass_forces
+from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
+from stewart_pin.mechanics.kinematics import State, platform_motion
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.typing import FloatArray
+
+Progress = Callable[[str, int, int], None]
+"""Called with the stage, the states done and their number."""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Motor forces of one motion by several methods.
+
+    Attributes
+    ----------
+    robot
+        Name of the robot.
+    motors
+        Names of the motors.
+    time
+        (N,) instants [s].
+    forces
+        Motor forces (N, nu) by method, with the robot's masses [N or N m].
+    simplified
+        Motor forces (N, nu) by method, with massless legs and a point platform [N or N m].
+    contributions
+        Motor forces (N, nu) that each part is responsible for: the platform as a point, its rotational inertia
+        (with an offset centre of mass), the legs as points, their rotational inertia; they add up [N or N m].
+    notes
+        What was left out, and why.
+    """
+
+    robot: str
+    motors: tuple[str, ...]
+    time: FloatArray
+    forces: Mapping[str, FloatArray]
+    simplified: Mapping[str, FloatArray]
+    contributions: Mapping[str, FloatArray]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def agreement(self) -> dict[str, float]:
+        """Largest relative difference between any two methods, with the robot's masses and simplified."""
+        return {"agreement": spread(self.forces), "agreement_simplified": spread(self.simplified)}
+
+    @property
+    def reference(self) -> FloatArray:
+        """(N, nu) motor forces by the first method [N or N m]."""
+        return next(iter(self.forces.values()))
+
+
+def compare_methods(
+    chain: ClosedChain, samples: PlatformSamples, *, progress: Progress | None = None
+) -> Comparison:
+    """Compute the motor forces of a motion by every method that applies.
+
+    Parameters
+    ----------
+    chain
+        Closed chain whose platform can do the motion.
+    samples
+        The motion.
+    progress
+        Told after every state.
+
+    Returns
+    -------
+    Comparison
+        Forces by method; the closed form and the point-mass formula only for six-legged platforms.
+    """
+    say = progress or (lambda stage, done, total: None)
+    states: list[State] = []
+    q = chain.q_home
+    for k in range(len(samples)):
+        states.append(
+            platform_motion(chain, samples.pose(k), samples.twist[k], samples.acceleration[k], q_guess=q)
+        )
+        q = states[-1].q
+        say("kinematics", k + 1, len(samples))
+
+    def tree_forces(variant: ClosedChain, method: str, stage: str) -> FloatArray:
+        forces = np.empty((len(states), chain.nu))
+        for k, state in enumerate(states):
+            forces[k] = inverse_dynamics(variant, state.q, state.v, state.a, method=method).tau_motor
+            say(stage, k + 1, len(states))
+        return forces
+
+    simple = massless_legs(chain, point_platform=True)
+    forces = {m: tree_forces(chain, m, m) for m in ("pinocchio", "constraint_matrix")}
+    simplified = {m: tree_forces(simple, m, f"{m}, simplified") for m in forces}
+    notes: list[str] = []
+    try:
+        forces["closed_form"] = _closed_form(chain, samples)
+        simplified["closed_form"] = _closed_form(simple, samples)
+        simplified["point_mass"] = _point_mass(chain, samples)
+    except UnsupportedError as error:
+        notes.append(f"no closed form and no point-mass formula for this robot: {error}")
+    # Inverse dynamics is linear in the inertial parameters: what each adds is its share, whatever the order.
+    rigid = tree_forces(massless_legs(chain), "pinocchio", "massless legs")
+    points = tree_forces(_point_legs(chain), "pinocchio", "point legs")
+    whole, bare = forces["pinocchio"], simplified["pinocchio"]
+    contributions = {
+        "platform mass": bare,
+        "platform inertia": rigid - bare,
+        "leg masses": points - rigid,
+        "leg inertia": whole - points,
+    }
+    return Comparison(chain.name, chain.motors, samples.time, forces, simplified, contributions, tuple(notes))
+
+
+def spread(forces: Mapping[str, FloatArray]) -> float:
+    """Measure how far methods are apart.
+
+    Parameters
+    ----------
+    forces
+        (N, nu) by method [N or N m].
+
+    Returns
+    -------
+    float
+        Largest difference between two methods, relative to the largest force of all.
+    """
+    stack = np.stack(list(forces.values()))
+    largest = np.abs(stack).max()
+    return float(np.ptp(stack, axis=0).max() / largest) if largest > 0 else 0.0
+
+
+def _closed_form(chain: ClosedChain, samples: PlatformSamples) -> FloatArray:
+    return hexapod_inverse_dynamics(
+        Hexapod.from_chain(chain),
+        hexapod_bodies(chain),
+        samples.position,
+        samples.rotation,
+        samples.twist,
+        samples.acceleration,
+        gravity=chain.gravity,
+    ).actuator
+
+
+def _point_mass(chain: ClosedChain, samples: PlatformSamples) -> FloatArray:
+    body = chain.mechanism.link(chain.platform).inertia
+    return point_mass_forces(
+        Hexapod.from_chain(chain),
+        samples.position,
+        samples.rotation,
+        samples.acceleration[:, :3],
+        mass=0.0 if body is None else body.mass,
+        gravity=chain.gravity,
+    )
+
+
+def _point_legs(chain: ClosedChain) -> ClosedChain:
+    """Shrink every body but ground and platform to a point at its centre of mass."""
+    kept = {chain.mechanism.root, chain.platform}
+    inertias = {
+        link.name: pin.Inertia(link.inertia.mass, link.inertia.lever, np.zeros((3, 3)))
+        for link in chain.mechanism.links
+        if link.inertia is not None and link.name not in kept
+    }
+    return replace_inertias(chain, inertias)

@@ -1,0 +1,76 @@
+"""Motor forces over time, all methods overlaid, and their differences on a logarithmic axis."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stewart_pin.studies.comparison import Comparison
+from stewart_pin.viz.figures import new_figure
+
+_STYLES = {
+    "pinocchio": {"color": "C0", "linewidth": 3.0, "alpha": 0.5},
+    "constraint_matrix": {"color": "C1", "linewidth": 1.4, "linestyle": "--"},
+    "closed_form": {"color": "k", "linewidth": 0.8, "linestyle": ":"},
+    "point_mass": {"color": "C3", "linewidth": 1.0},
+}
+
+
+def plot_comparison(comparison: Comparison) -> Any:
+    """Draw one column per three motors: forces above, differences between the methods below.
+
+    Parameters
+    ----------
+    comparison
+        What `compare_methods` returned.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+    """
+    count = len(comparison.motors)
+    width = min(3, count)
+    rows = -(-count // width)
+    figure = new_figure(4.3 * width, 3.0 * rows + 2.8)
+    upper, lower = figure.subfigures(2, 1, height_ratios=[3.0 * rows, 2.8])
+    axes = upper.subplots(rows, width, sharex=True, sharey=True, squeeze=False)
+    for k, motor in enumerate(comparison.motors):
+        axis = axes.flat[k]
+        for method, forces in comparison.forces.items():
+            axis.plot(comparison.time, forces[:, k], label=method, **_STYLES.get(method, {}))
+        point = comparison.simplified.get("point_mass")
+        if point is not None:
+            axis.plot(comparison.time, point[:, k], label="point_mass", **_STYLES["point_mass"])
+        axis.set_title(motor, fontsize=10)
+        axis.grid(alpha=0.3)
+    for axis in axes[:, 0]:
+        axis.set_ylabel("effort [N or N m]" if count != 6 else "force [N]")
+    for axis in axes.flat[count:]:
+        axis.set_visible(False)
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    upper.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
+    _plot_differences(lower.subplots(1, 2, sharey=True), comparison)
+    return figure
+
+
+def _plot_differences(axes: Any, comparison: Comparison) -> None:
+    titles = ("with the robot's masses", "massless legs and a point platform")
+    for axis, title, forces in zip(axes, titles, (comparison.forces, comparison.simplified), strict=True):
+        reference = forces["pinocchio"]
+        scale = np.abs(reference).max()
+        for method, values in forces.items():
+            if method == "pinocchio":
+                continue
+            # Differences of exactly zero are drawn at the unit of round-off.
+            difference = np.maximum(np.abs(values - reference).max(axis=1) / scale, np.finfo(float).eps / 4)
+            style = {"color": _STYLES[method]["color"]} if method in _STYLES else {}
+            axis.semilogy(comparison.time, difference, linewidth=0.8, label=f"{method} - pinocchio", **style)
+        axis.axhline(1e-10, color="0.5", linestyle="--", linewidth=0.8)
+        axis.set_title(title, fontsize=10)
+        axis.set_xlabel("time [s]")
+        axis.set_ylim(1e-17, 1e-8)
+        axis.legend(fontsize=8, loc="upper right")
+        axis.grid(alpha=0.3)
+    axes[0].set_ylabel("relative difference")

@@ -1,0 +1,77 @@
+"""The command line as a user meets it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "stewart_pin", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_help_comes_without_arguments() -> None:
+    answer = run()
+    assert "compare" in answer.stdout + answer.stderr and "inspect" in answer.stdout + answer.stderr
+
+
+def test_compare_prints_a_table_draws_a_picture_and_writes_figures(tmp_path: Path) -> None:
+    plot, figures = tmp_path / "new" / "forces.png", tmp_path / "figures.json"
+    answer = run("compare", "--duration", "0.04", "--json", str(figures), "--plot", str(plot))
+    assert answer.returncode == 0, answer.stderr
+    assert "leg6" in answer.stdout and "20/20" in answer.stdout
+    assert plot.read_bytes().startswith(b"\x89PNG")
+    written = json.loads(figures.read_text())
+    agreements = [value for key, value in written.items() if "agreement" in key]
+    assert len(agreements) == 2 and max(agreements) < 1e-12
+    assert [leg["motor"] for leg in written["legs"]] == [f"leg{k}" for k in range(1, 7)]
+    assert all(leg["peak"] >= leg["rms"] > 0 for leg in written["legs"])
+
+
+def test_compare_takes_the_motion_from_its_options(tmp_path: Path) -> None:
+    # Standing still: the legs carry the weight, so RMS and peak are the same.
+    figures = tmp_path / "figures.json"
+    answer = run(
+        "compare", "--robot", "stewart_sps", "--amplitude", "0", "--duration", "0.2", "--rate", "10",
+        "--json", str(figures), "--plot", str(tmp_path / "p.png"),
+    )  # fmt: skip
+    assert answer.returncode == 0, answer.stderr
+    written = json.loads(figures.read_text())
+    assert written["motion"]["states"] == 2
+    assert all(leg["peak"] == pytest.approx(leg["rms"]) for leg in written["legs"])
+
+
+def test_inspect_tells_the_mobility(tmp_path: Path) -> None:
+    figures = tmp_path / "figures.json"
+    answer = run("inspect", "stewart_sps", "--json", str(figures))
+    assert answer.returncode == 0, answer.stderr
+    assert "leg 3: spin about its axis" in answer.stdout
+    assert json.loads(figures.read_text())["mobility"]["dof"] == 12
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("compare", "--robot", "no_such_robot"), "bundled robots are: stewart"),
+        (("compare", "--amplitude", "far"), "--amplitude must be numbers"),
+        (("compare", "--frequencies", "1,2"), "--frequencies must be one number or 3"),
+        (("compare", "--duration", "-1"), "duration must be"),
+        (("compare", "--amplitude", "3"), "out of reach"),
+        (("inspect", "nowhere.urdf"), "no such file"),
+    ],
+)
+def test_bad_input_ends_in_one_line_and_code_2(arguments, words) -> None:
+    answer = run(*arguments)
+    assert answer.returncode == 2
+    assert words in answer.stderr and answer.stderr.count("\n") == 1 and "Traceback" not in answer.stderr
+
+
+def test_json_into_nowhere_is_said(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    answer = run("inspect", "stewart", "--json", str(tmp_path / "file" / "x.json"))
+    assert answer.returncode == 2 and "--json" in answer.stderr

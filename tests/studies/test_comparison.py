@@ -1,0 +1,57 @@
+"""The comparison of methods: they agree, and the shares add up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.studies.comparison import spread
+
+
+@pytest.fixture(scope="module")
+def comparison() -> stp.Comparison:
+    chain = stp.load("stewart")
+    motion = stp.sinusoidal_motion(stp.sample_times(1.0, 30.0), home=stp.platform_pose(chain, chain.q_home))
+    return stp.compare_methods(chain, motion)
+
+
+def test_all_methods_agree(comparison: stp.Comparison) -> None:
+    # S0.9, S0.10: with masses three methods, without legs' masses and with a point platform four.
+    assert set(comparison.forces) == {"pinocchio", "constraint_matrix", "closed_form"}
+    assert set(comparison.simplified) == {*comparison.forces, "point_mass"}
+    # Round-off: condition number of the 168 equations (about 1e3) times eps.
+    assert max(comparison.agreement.values()) < 1e-12
+
+
+def test_the_legs_masses_explain_the_error_of_the_point_mass(comparison: stp.Comparison) -> None:
+    # S0.10: the source blames the legs' masses; they are responsible for a third of the force.
+    error = comparison.reference - comparison.simplified["point_mass"]
+    shares = comparison.contributions
+    total = sum(shares.values())
+    np.testing.assert_allclose(total, comparison.reference, atol=1e-10)
+    np.testing.assert_allclose(
+        error, shares["platform inertia"] + shares["leg masses"] + shares["leg inertia"], atol=1e-10
+    )
+
+    def rms(x) -> float:
+        return float(np.sqrt(np.mean(x**2)))
+
+    assert 0.3 < rms(error) / rms(shares["platform mass"]) < 0.45
+    assert rms(shares["platform inertia"]) < 1e-10  # the platform does not turn
+    assert 0.0 < rms(shares["leg inertia"]) < 0.05 * rms(error)
+
+
+def test_progress_is_told(comparison: stp.Comparison) -> None:
+    chain = stp.load("stewart_cad")
+    motion = stp.sinusoidal_motion([0.0, 0.1], home=stp.platform_pose(chain, chain.q_home))
+    told: list[tuple[str, int, int]] = []
+    result = stp.compare_methods(chain, motion, progress=lambda *report: told.append(report))
+    assert ("kinematics", 2, 2) in told and ("constraint_matrix", 1, 2) in told
+    assert result.agreement["agreement"] < 1e-12
+
+
+def test_spread_is_relative_to_the_largest_force() -> None:
+    one, other = np.array([[1.0, -4.0]]), np.array([[1.5, -4.0]])
+    assert spread({"a": one, "b": other}) == pytest.approx(0.5 / 4.0)
+    assert spread({"a": 0 * one}) == 0.0
