@@ -40,5 +40,5 @@ def test_turned_link_frames_are_refused() -> None:
         for x in chain.mechanism.loops
     ]
     moved = build_chain(replace(chain.mechanism, joints=tuple(joints), loops=tuple(loops)))
-    with pytest.raises(UnsupportedError, match="leg3|leg end"):
+    with pytest.raises(UnsupportedError, match=r"leg3|leg end"):
         hexapod_bodies(moved)

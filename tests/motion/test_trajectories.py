@@ -56,5 +56,5 @@ def test_bad_motions_are_named(arguments, words) -> None:
     ("duration", "rate"), [(-1.0, 10.0), (1.0, 0.0), (1e9, 1e9), (np.inf, 1.0), (1e-3, 1.0)]
 )
 def test_bad_durations_are_named(duration, rate) -> None:
-    with pytest.raises(InputError, match="duration|rate"):
+    with pytest.raises(InputError, match=r"duration|rate"):
         stp.sample_times(duration, rate)
