@@ -20,7 +20,7 @@ from lxml import etree
 
 from stewart_pin.geometry.rotations import rotation_from_rpy, rpy_from_rotation
 from stewart_pin.model.description import LOOP_KINDS, Joint, JointKind, Link, Loop, Mechanism, Note
-from stewart_pin.model.formats.xml import ElementReader, read_xml
+from stewart_pin.model.formats.xml import ElementReader, number_text, read_xml
 from stewart_pin.typing import FloatArray
 
 _JOINT_TYPES = {
@@ -258,7 +258,7 @@ def write_urdf_file(mechanism: Mechanism, path: Path) -> None:
     if mechanism.home:
         state = etree.SubElement(robot, "group_state", name="home", group="all")
         for name, values in mechanism.home.items():
-            etree.SubElement(state, "joint", name=name, value=_text(values))
+            etree.SubElement(state, "joint", name=name, value=number_text(values))
     path.write_bytes(etree.tostring(robot, pretty_print=True, xml_declaration=True, encoding="utf-8"))
 
 
@@ -268,10 +268,10 @@ def _write_link(robot: etree._Element, link: Link) -> None:
         return
     inertial = etree.SubElement(element, "inertial")
     _write_origin(inertial, pin.SE3(np.eye(3), link.inertia.lever))
-    etree.SubElement(inertial, "mass", value=_text([link.inertia.mass]))
+    etree.SubElement(inertial, "mass", value=number_text([link.inertia.mass]))
     matrix = link.inertia.inertia
     names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    etree.SubElement(inertial, "inertia", {key: _text([matrix[at]]) for key, at in names.items()})
+    etree.SubElement(inertial, "inertia", {key: number_text([matrix[at]]) for key, at in names.items()})
 
 
 def _write_joint(robot: etree._Element, joint: Joint) -> None:
@@ -286,9 +286,9 @@ def _write_joint(robot: etree._Element, joint: Joint) -> None:
     _write_origin(element, joint.placement)
     if not joint.has_axis:
         return
-    etree.SubElement(element, "axis", xyz=_text(joint.axis))
+    etree.SubElement(element, "axis", xyz=number_text(joint.axis))
     limits = {"lower": joint.lower, "upper": joint.upper, "effort": joint.effort, "velocity": joint.velocity}
-    finite = {key: _text([value]) for key, value in limits.items() if np.isfinite(value)}
+    finite = {key: number_text([value]) for key, value in limits.items() if np.isfinite(value)}
     if finite:
         # URDF readers require both of these.
         etree.SubElement(element, "limit", {"effort": "1e30", "velocity": "1e30", **finite})
@@ -302,22 +302,17 @@ def _write_loop(robot: etree._Element, loop: Loop) -> None:
     ):
         _write_origin(etree.SubElement(element, tag, link=link), placement)
     if loop.kind not in (JointKind.SPHERICAL, JointKind.FIXED, JointKind.DISTANCE):
-        etree.SubElement(element, "axis", xyz=_text(loop.axis))
+        etree.SubElement(element, "axis", xyz=number_text(loop.axis))
     if loop.kind is JointKind.UNIVERSAL:
-        etree.SubElement(element, "axis2", xyz=_text(loop.axis2))
+        etree.SubElement(element, "axis2", xyz=number_text(loop.axis2))
     if loop.kind is JointKind.DISTANCE:
-        etree.SubElement(element, "length", value=_text([loop.length]))
+        etree.SubElement(element, "length", value=number_text([loop.length]))
 
 
 def _write_origin(element: etree._Element, placement: pin.SE3) -> None:
     rpy = rpy_from_rotation(placement.rotation)
     if placement.translation.any() or rpy.any():
-        attributes = {"xyz": _text(placement.translation)}
+        attributes = {"xyz": number_text(placement.translation)}
         if rpy.any():
-            attributes["rpy"] = _text(rpy)
+            attributes["rpy"] = number_text(rpy)
         etree.SubElement(element, "origin", attributes)
-
-
-def _text(values) -> str:
-    """Print numbers so that they are read back exactly."""
-    return " ".join(repr(float(value) + 0.0).removesuffix(".0") for value in values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,22 @@ def _doctype_error(path: Path) -> FileFormatError:
         path=str(path),
         culprit="<!DOCTYPE",
     )
+
+
+def number_text(values: Iterable[float]) -> str:
+    """Print numbers so that they are read back exactly.
+
+    Parameters
+    ----------
+    values
+        Numbers, in the unit of the attribute [m, rad, kg, kg m²].
+
+    Returns
+    -------
+    str
+        The numbers, separated by blanks.
+    """
+    return " ".join(repr(float(value) + 0.0).removesuffix(".0") for value in values)
 
 
 class ElementReader:
