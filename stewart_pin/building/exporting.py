@@ -6,6 +6,7 @@ from pathlib import Path
 
 from stewart_pin.errors import InputError
 from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.formats.mjcf import write_mjcf_file
 from stewart_pin.model.formats.urdf_plus import write_urdf_file
 
 
@@ -32,14 +33,21 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> No
     path
         File to create or overwrite.
     format
-        ``"urdf+"``.
+        ``"urdf+"``, or ``"mjcf"`` for MuJoCo, whose loops are soft constraints: only mass matrix and bias of its tree
+        are those of the rigid mechanism.
 
     Raises
     ------
     InputError
         If the format is unknown.
+    UnsupportedError
+        If the format cannot express the chain; names the link, joint, loop or motor at fault.
     """
-    writers = {"urdf+": write_urdf}
+    writers = {"urdf+": write_urdf, "mjcf": _write_mjcf}
     if format not in writers:
         raise InputError(f"format must be one of {', '.join(writers)}, got {format!r}")
     writers[format](chain, path)
+
+
+def _write_mjcf(chain: ClosedChain, path: str | Path) -> None:
+    write_mjcf_file(chain.described(), Path(path), motors=chain.motors, gravity=chain.gravity)

@@ -1,0 +1,263 @@
+"""MJCF, the native format of MuJoCo, written with the loops as equality constraints.
+
+MuJoCo closes loops softly: its equality constraints are springs and dampers with a tiny, position-dependent
+compliance (``solref``, ``solimp``), solved together with the motion. Forward dynamics therefore differs from that of
+rigid loops, by its defaults visibly, and ``mj_inverse`` answers with an effort per joint of the tree that includes
+what the soft loops do; only the tree terms (mass matrix, bias) are those of the rigid mechanism. Efforts of the
+motors follow from them by projection on the motions that keep the loops closed.
+
+What has no counterpart is left out: limits of joint speed. What MuJoCo cannot express is an `UnsupportedError`.
+
+References
+----------
+.. [1] MuJoCo documentation, "XML reference" and "Computation: constraint model".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.model.description import Joint, JointKind, Loop, Mechanism
+from stewart_pin.model.formats.mjcf_bodies import Body, plan_bodies
+from stewart_pin.model.formats.xml import number_text
+from stewart_pin.typing import ArrayLike, FloatArray
+
+_WORLD = "world"
+"""Name that MuJoCo reserves for the body that does not move."""
+_FAR = 1e10
+"""MuJoCo's mjMAXVAL: no coordinate gets there, so a limit at this value [m or rad] is none."""
+_TYPES = {JointKind.REVOLUTE: "hinge", JointKind.PRISMATIC: "slide", JointKind.SPHERICAL: "ball"}
+_ABOUT_LOOPS = (
+    " Loops are soft constraints in MuJoCo: its forward dynamics is that of slightly elastic loops. "
+)
+
+
+def write_mjcf_file(mechanism: Mechanism, path: Path, *, motors: Sequence[str], gravity: ArrayLike) -> None:
+    """Write a mechanism as MJCF.
+
+    Links become nested bodies of the same name, in the order of the Pinocchio model; links without mass vanish where
+    they only join two joints. The ground is a body at rest (or the world, when it is called so); floating links are
+    free bodies of the world, whose coordinates are their pose in it. Spherical, fixed, revolute and distance loops
+    become a ``connect``, a ``weld``, two ``connect`` on the axis, and a tendon of constant length. The home
+    configuration is the keyframe ``home``; the platform frame is a site.
+
+    Parameters
+    ----------
+    mechanism
+        What to write, its home complete.
+    path
+        File to create or overwrite.
+    motors
+        Motor joints, in the order of the actuators.
+    gravity
+        (3,) acceleration of free fall in the world frame [m/s²].
+
+    Raises
+    ------
+    UnsupportedError
+        If MuJoCo cannot express a link, joint, loop or motor; names it and the remedy.
+    """
+    root = _MjcfWriter(mechanism, motors).write(np.asarray(gravity, dtype=float))
+    path.write_bytes(etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="utf-8"))
+
+
+class _MjcfWriter:
+    def __init__(self, mechanism: Mechanism, motors: Sequence[str]) -> None:
+        self.mechanism = mechanism
+        self.motors = motors
+        self.bodies = plan_bodies(mechanism)
+        self.elements: dict[str | None, etree._Element] = {}
+        self.sites: set[str] = set()
+
+    def write(self, gravity: FloatArray) -> etree._Element:
+        root = etree.Element("mujoco", model=self.mechanism.name)
+        etree.SubElement(
+            root, "compiler", angle="radian", autolimits="true", balanceinertia="false", inertiafromgeom="false"
+        )  # fmt: skip
+        etree.SubElement(root, "option", gravity=number_text(gravity))
+        world = etree.SubElement(root, "worldbody")
+        self.elements[None] = world
+        for body in self.bodies:
+            self._body(body)
+        if self.mechanism.platform is not None:
+            self._site(self.mechanism.platform, self.mechanism.platform, pin.SE3.Identity())
+        if self.mechanism.loops:
+            self._loops(root)
+        if self.motors:
+            actuators = etree.SubElement(root, "actuator")
+            for name in self.motors:
+                self._motor(actuators, self.mechanism.joint(name))
+        self._home(root, world)
+        return root
+
+    def _body(self, body: Body) -> None:
+        name = body.link.name
+        if name == _WORLD:
+            if name != self.mechanism.root:
+                raise UnsupportedError(f"link '{name}' moves, and MuJoCo reserves this name; rename the link")
+            self.elements[name] = self.elements[None]
+            return
+        element = etree.SubElement(self.elements[body.parent], "body", name=name)
+        _place(element, body.placement)
+        for joint, placement in body.joints:
+            _write_joint(element, joint, placement)
+        if body.link.inertia is not None and body.link.inertia.mass > 0:
+            _write_inertial(element, body.link.inertia)
+        self.elements[name] = element
+
+    def _site(self, link: str, name: str, placement: pin.SE3) -> str:
+        if name in self.sites:
+            raise UnsupportedError(f"two sites would be called '{name}'; rename the loop or the platform")
+        self.sites.add(name)
+        _place(etree.SubElement(self.elements[link], "site", name=name), placement)
+        return name
+
+    def _loops(self, root: etree._Element) -> None:
+        root.insert(0, etree.Comment(_ABOUT_LOOPS))
+        equality = etree.Element("equality")
+        tendons = etree.Element("tendon")
+        for loop in self.mechanism.loops:
+            match loop.kind:
+                case JointKind.SPHERICAL:
+                    self._tie(equality, "connect", loop, loop.name)
+                case JointKind.FIXED:
+                    self._tie(equality, "weld", loop, loop.name)
+                case JointKind.REVOLUTE:
+                    # Two points of the axis, as far apart as the links are large: the sixth row is redundant.
+                    reach = max(np.linalg.norm(end.translation) for end in (loop.placement1, loop.placement2))
+                    along = loop.axis * (reach if reach > 0 else 1.0)
+                    self._tie(equality, "connect", loop, loop.name)
+                    self._tie(equality, "connect", loop, f"{loop.name}_axis", along)
+                case JointKind.DISTANCE:
+                    self._rod(tendons, equality, loop)
+                case _:
+                    raise UnsupportedError(
+                        f"loop '{loop.name}' is {loop.kind}; MuJoCo closes spherical, fixed, revolute and distance "
+                        "loops: cut the loop at another joint"
+                    )
+        if len(tendons):
+            root.append(tendons)
+        root.append(equality)
+
+    def _ends(self, loop: Loop, name: str, shift: FloatArray) -> tuple[str, str]:
+        move = pin.SE3(np.eye(3), shift)
+        return (
+            self._site(loop.link1, f"{name}_1", loop.placement1 * move),
+            self._site(loop.link2, f"{name}_2", loop.placement2 * move),
+        )
+
+    def _tie(
+        self, equality: etree._Element, tag: str, loop: Loop, name: str, shift: FloatArray | None = None
+    ) -> None:
+        site1, site2 = self._ends(loop, name, np.zeros(3) if shift is None else shift)
+        etree.SubElement(equality, tag, name=name, site1=site1, site2=site2)
+
+    def _rod(self, tendons: etree._Element, equality: etree._Element, loop: Loop) -> None:
+        spatial = etree.SubElement(tendons, "spatial", name=loop.name)
+        for site in self._ends(loop, loop.name, np.zeros(3)):
+            etree.SubElement(spatial, "site", site=site)
+        # The constraint is length - (length at zero joint values) = first coefficient.
+        at_zero = self._placements_at_zero()
+        origins = [
+            at_zero[link].act(end.translation)
+            for link, end in ((loop.link1, loop.placement1), (loop.link2, loop.placement2))
+        ]
+        excess = loop.length - float(np.linalg.norm(origins[1] - origins[0]))
+        coefficients = number_text([excess, 0, 0, 0, 0])
+        etree.SubElement(equality, "tendon", name=loop.name, tendon1=loop.name, polycoef=coefficients)
+
+    def _placements_at_zero(self) -> dict[str | None, pin.SE3]:
+        placements: dict[str | None, pin.SE3] = {None: pin.SE3.Identity()}
+        for body in self.bodies:
+            placements[body.link.name] = placements[body.parent] * body.placement
+        return placements
+
+    def _motor(self, actuators: etree._Element, joint: Joint) -> None:
+        if joint.effort == 0:
+            raise UnsupportedError(
+                f"motor '{joint.name}' has the effort limit 0, which MuJoCo takes for none; raise it, or remove it"
+            )
+        element = etree.SubElement(actuators, "motor", name=joint.name, joint=joint.name)
+        if np.isfinite(joint.effort):
+            element.set("forcerange", number_text([-joint.effort, joint.effort]))
+
+    def _home(self, root: etree._Element, world: etree._Element) -> None:
+        placed = {joint.name: (body, joint, at) for body in self.bodies for joint, at in body.joints}
+        values: list[float] = []
+        # Document order is MuJoCo's order of coordinates.
+        for element in world.iter("joint", "freejoint"):
+            body, joint, placement = placed[str(element.get("name"))]
+            values.extend(_coordinates(body, joint, placement, self.mechanism.home[joint.name]))
+        keyframe = etree.SubElement(root, "keyframe")
+        etree.SubElement(keyframe, "key", name="home", qpos=number_text(values))
+
+
+def _write_joint(body: etree._Element, joint: Joint, placement: pin.SE3) -> None:
+    if joint.kind is JointKind.FLOATING:
+        etree.SubElement(body, "freejoint", name=joint.name)
+        return
+    element = etree.SubElement(body, "joint", name=joint.name, type=_TYPES[joint.kind])
+    if placement.translation.any():
+        element.set("pos", number_text(placement.translation))
+    if not joint.has_axis:
+        return
+    element.set("axis", number_text(placement.rotation @ joint.axis))
+    if joint.lower == joint.upper:
+        raise UnsupportedError(
+            f"joint '{joint.name}' has equal limits, which MuJoCo takes for none; make it fixed, or widen them"
+        )
+    if np.isfinite([joint.lower, joint.upper]).any():
+        element.set("range", number_text(np.clip([joint.lower, joint.upper], -_FAR, _FAR)))
+
+
+def _write_inertial(body: etree._Element, inertia: pin.Inertia) -> None:
+    """Write principal moments and axes: MuJoCo's reading of a full matrix loses two digits and refuses laminae."""
+    moments, axes = _principal(inertia.inertia)
+    element = etree.SubElement(body, "inertial", pos=number_text(inertia.lever))
+    if not np.array_equal(axes, np.eye(3)):
+        element.set("quat", _quaternion_text(axes))
+    element.set("mass", number_text([inertia.mass]))
+    element.set("diaginertia", number_text(moments))
+
+
+def _principal(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Diagonalise an inertia: moments (3,) [kg m²] that obey the triangle inequality to the last digit, axes (3, 3)."""
+    moments, axes = np.diag(matrix).copy(), np.eye(3)
+    if not np.array_equal(matrix, np.diag(moments)):
+        moments, axes = np.linalg.eigh(matrix)
+        axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+    moments = np.maximum(moments, 0.0)
+    # Validation lets a lamina miss the inequality by its round-off; MuJoCo does not.
+    most = int(np.argmax(moments))
+    moments[most] = min(moments[most], moments[most - 1] + moments[most - 2])
+    return moments, axes
+
+
+def _coordinates(body: Body, joint: Joint, placement: pin.SE3, value: FloatArray) -> Iterable[float]:
+    """Joint value in MuJoCo's convention: quaternions w x y z, the pose of a free body in the world."""
+    if joint.has_axis:
+        return value
+    if joint.kind is JointKind.SPHERICAL:
+        # The same rotation, its axis in the body's frame instead of the joint's.
+        x, y, z = placement.rotation @ value[:3]
+        return value[3], x, y, z
+    pose = pin.SE3ToXYZQUAT(body.placement * pin.XYZQUATToSE3(value))
+    return *pose[:3], pose[6], *pose[3:6]
+
+
+def _place(element: etree._Element, placement: pin.SE3) -> None:
+    if placement.translation.any():
+        element.set("pos", number_text(placement.translation))
+    if not np.array_equal(placement.rotation, np.eye(3)):
+        element.set("quat", _quaternion_text(placement.rotation))
+
+
+def _quaternion_text(rotation: FloatArray) -> str:
+    x, y, z, w = pin.Quaternion(rotation).coeffs()
+    return number_text([w, x, y, z])
