@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.checks import as_array
+from stewart_pin.errors import SingularityError
 from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.model.loop_table import LoopTable
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -51,11 +52,30 @@ def loop_gap(chain: ClosedChain, q: ArrayLike) -> FloatArray:
     return gap_from_data(chain, data)
 
 
+def row_sizes(chain: ClosedChain) -> FloatArray:
+    """Return the natural size of each loop row, by which a gap is judged large or small.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    numpy.ndarray
+        (nc,) the robot's size for rows that are lengths [m], 1 for angle rows.
+    """
+    sizes = np.full(chain.nc, chain.length_scale)
+    sizes[chain.loop_table.angle.index] = 1.0
+    return sizes
+
+
 def loop_jacobian(chain: ClosedChain, q: ArrayLike) -> FloatArray:
     r"""Differentiate the loop gap along the tangent of the spanning tree.
 
     The sign is that of a derivative, :math:`\dot\phi = J_c(q)\, v`, for every q, closed or open. Pinocchio's
-    ``RigidConstraintModel`` has the opposite sign, its ``PointAnchorConstraintModel`` this one.
+    ``RigidConstraintModel`` has the opposite sign, its ``PointAnchorConstraintModel`` this one. Where the ends of a
+    distance loop coincide, the distance has a kink and no derivative; its row is then that along x of frame 1.
 
     Parameters
     ----------
@@ -91,6 +111,11 @@ def loop_bias(chain: ClosedChain, q: ArrayLike, v: ArrayLike) -> FloatArray:
     -------
     numpy.ndarray
         (nc,) such that the gap's second derivative is ``loop_jacobian @ a + loop_bias`` [m/s² and 1/s²].
+
+    Raises
+    ------
+    SingularityError
+        If the ends of a distance loop coincide.
     """
     q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
     data = pin.Data(chain.model)
@@ -169,9 +194,21 @@ def bias_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
     -------
     numpy.ndarray
         (nc,) bias [m/s² and 1/s²].
+
+    Raises
+    ------
+    SingularityError
+        If the ends of a distance loop coincide.
     """
     table = chain.loop_table
     at = _placements(table, data)
+    distance = np.linalg.norm(at.translation[table.rod.loop], axis=1)
+    if not distance.all():
+        culprit = chain.loops[int(table.rod.loop[np.argmin(distance)])].name
+        raise SingularityError(
+            f"the ends of the distance loop '{culprit}' coincide, so its direction is undefined; close it first",
+            smallest_singular_value=0.0,
+        )
     velocity1, omega1, acceleration1, alpha1 = _motions(table.joint1, table.translation1, data)
     velocity2, omega2, acceleration2, alpha2 = _motions(table.joint2, table.translation2, data)
     reach = at.origin2 - at.origin1
@@ -198,7 +235,6 @@ def bias_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
     second = np.cross(spin_rate[table.angle.loop], turned) + np.cross(w, np.cross(w, turned))
     bias[table.angle.index] = np.einsum("ri,ri->r", table.angle.vector1, second)
     along, c = _directions(table, at), slide[table.rod.loop]
-    distance = np.linalg.norm(at.translation[table.rod.loop], axis=1)
     across = c - along * np.einsum("ri,ri->r", along, c)[:, None]
     bias[table.rod.index] = (
         np.einsum("ri,ri->r", along, slide_rate[table.rod.loop])
@@ -246,6 +282,7 @@ def _turned(table: LoopTable, at: _Placements) -> FloatArray:
 
 
 def _directions(table: LoopTable, at: _Placements) -> FloatArray:
-    """Point from frame 1 to frame 2 of every length row, in frame 1: (r, 3)."""
+    """Point from frame 1 to frame 2 of every length row, in frame 1: (r, 3); along x where the two coincide."""
     reach = at.translation[table.rod.loop]
+    reach = np.where(reach.any(axis=1, keepdims=True), reach, [1.0, 0.0, 0.0])
     return reach / np.linalg.norm(reach, axis=1, keepdims=True)

@@ -12,22 +12,40 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.closure.equations import gap_from_data, jacobian_from_data
+from stewart_pin.checks import as_positive
+from stewart_pin.closure.equations import gap_from_data, jacobian_from_data, row_sizes
 from stewart_pin.errors import ClosureError, InputError
 from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
-TOLERANCE = 2e-14
-"""Residual to aim at, per metre of robot size: a hundred units of round-off. Ten times this still counts as closed,
-where no step makes it smaller."""
+TOLERANCE = 2e-13
+"""Largest gap that counts as closed, relative to the robot's size: a thousand units of round-off. Newton's method
+goes on to a tenth of it as long as that makes the gap smaller."""
 MAX_ITERATIONS = 100
+RANK = 1e-10
+"""Singular values below this, relative to the largest, count as zero: far above round-off, and far below those of a
+robot that still moves sensibly."""
 _LARGEST_STEP = 0.3
 """Largest entry of one step, in robot sizes and radians: well below the distance between assembly modes."""
-_RANK = 1e-10
-"""Singular values below this, relative to the largest, count as zero."""
 
-System = Callable[[pin.Data, Configuration], tuple[FloatArray, FloatArray]]
-"""Residual (m,) and Jacobian (m, nv), where placements and joint Jacobians have been computed."""
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Equations to be solved for a configuration.
+
+    Attributes
+    ----------
+    evaluate
+        Residual (m,) and Jacobian (m, nv), where placements and joint Jacobians have been computed.
+    sizes
+        (m,) natural size of each residual: the robot's size [m], or 1 [rad].
+    demand
+        What the equations ask for, in words.
+    """
+
+    evaluate: Callable[[pin.Data, Configuration], tuple[FloatArray, FloatArray]]
+    sizes: FloatArray
+    demand: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +61,41 @@ class Closure:
     iterations
         Newton steps taken.
     success
-        Whether the gap is at round-off.
+        Whether the gap is at round-off, and joint limits hold where they were asked for.
     """
 
     q: Configuration
     gap: float
     iterations: int
     success: bool
+
+    def or_raise(self, demand: str) -> Closure:
+        """Return the closure, or raise what kept it from success.
+
+        Parameters
+        ----------
+        demand
+            What was asked for, in words.
+
+        Returns
+        -------
+        Closure
+            This record.
+
+        Raises
+        ------
+        ClosureError
+            If it is no success; carries residual, iterations and configuration.
+        """
+        if self.success:
+            return self
+        raise ClosureError(
+            f"{demand} cannot be met from this guess: the residual is {self.gap:.3g} [m or rad] after "
+            f"{self.iterations} steps; start nearer, or ask for a pose within reach",
+            residual=self.gap,
+            iterations=self.iterations,
+            q=self.q,
+        )
 
 
 def close_loops(
@@ -69,7 +115,7 @@ def close_loops(
     q_guess
         (nq,) configuration to start from [m, rad, unit quaternions].
     tolerance
-        Largest gap that counts as closed, per metre of robot size [m/m].
+        Largest gap that counts as closed, in robot sizes (``chain.length_scale``) and radians.
     max_iterations
         Number of steps after which to give up.
     throw
@@ -84,17 +130,21 @@ def close_loops(
     ------
     ClosureError
         If the loops do not close from here; carries the residual reached.
+    InputError
+        If an argument is wrong.
+
+    Examples
+    --------
+    >>> import numpy as np, stewart_pin as stp
+    >>> chain = stp.load("stewart")
+    >>> closure = stp.close_loops(chain, chain.q_home)
+    >>> closure.success, closure.gap < 1e-12
+    (True, True)
     """
     q_guess = as_configuration(chain, "q_guess", q_guess)
-    return solve(
-        chain,
-        q_guess,
-        loop_system(chain),
-        "the loops",
-        tolerance=tolerance,
-        max_iterations=max_iterations,
-        throw=throw,
-    )
+    system = loop_system(chain)
+    closure = solve(chain, q_guess, system, tolerance=tolerance, max_iterations=max_iterations)
+    return closure.or_raise(system.demand) if throw else closure
 
 
 def loop_system(chain: ClosedChain) -> System:
@@ -107,21 +157,23 @@ def loop_system(chain: ClosedChain) -> System:
 
     Returns
     -------
-    callable
+    System
         Residual (nc,) [m] and Jacobian (nc, nv) from Pinocchio data.
     """
-    return lambda data, q: (gap_from_data(chain, data), jacobian_from_data(chain, data))
+    return System(
+        lambda data, q: (gap_from_data(chain, data), jacobian_from_data(chain, data)),
+        row_sizes(chain),
+        "closed loops",
+    )
 
 
 def solve(
     chain: ClosedChain,
     q_guess: Configuration,
     system: System,
-    demand: str,
     *,
     tolerance: float = TOLERANCE,
     max_iterations: int = MAX_ITERATIONS,
-    throw: bool = True,
 ) -> Closure:
     """Solve a system of equations on the configuration manifold (Levenberg-Marquardt, least-norm steps).
 
@@ -133,73 +185,60 @@ def solve(
         (nq,) configuration to start from [m, rad, unit quaternions].
     system
         Residual and Jacobian.
-    demand
-        What is asked for, for the message.
     tolerance
-        Largest residual that counts as solved, per metre of robot size [m/m].
+        Largest residual that counts as solved, relative to the natural sizes of the residuals.
     max_iterations
         Number of steps after which to give up.
-    throw
-        Whether failure raises.
 
     Returns
     -------
     Closure
-        Configuration and residual reached.
+        Configuration and residual reached, whether they succeed or not.
 
     Raises
     ------
-    ClosureError
-        If the residual does not reach the tolerance.
+    InputError
+        If tolerance or number of iterations make no sense.
     """
+    tolerance = as_positive("tolerance", tolerance)
     if max_iterations < 0:
         raise InputError(f"max_iterations must be 0 or more, got {max_iterations}")
     model, data = chain.model, pin.Data(chain.model)
-    enough = tolerance * chain.length_scale
 
     def evaluate(q: Configuration) -> tuple[FloatArray, FloatArray, float]:
         pin.computeJointJacobians(model, data, q)
-        residual, jacobian = system(data, q)
+        residual, jacobian = system.evaluate(data, q)
+        residual = residual / system.sizes
+        # A residual without size and steps in natural sizes: every unit of length gives the same iterates.
+        jacobian = jacobian * chain.tangent_scale / system.sizes[:, None]
         return residual, jacobian, float(np.abs(residual).max(initial=0.0))
 
     q = pin.normalize(model, q_guess)
-    residual, jacobian, gap = evaluate(q)
+    residual, jacobian, worst = evaluate(q)
     damping, iterations = 0.0, 0
-    while gap > enough and iterations < max_iterations:
+    while worst > tolerance / 10 and iterations < max_iterations:
         iterations += 1
-        step = _least_norm_step(residual, jacobian, chain.tangent_scale, damping)
-        q_next = pin.integrate(model, q, step)
+        step = _least_norm_step(residual, jacobian, damping)
+        q_next = pin.integrate(model, q, step * chain.tangent_scale)
         trial = evaluate(q_next)
         if np.linalg.norm(trial[0]) < np.linalg.norm(residual):
-            q, (residual, jacobian, gap) = q_next, trial
+            q, (residual, jacobian, worst) = q_next, trial
             damping = damping / 10 if damping > 1e-8 else 0.0
-        elif damping > 1e3 or gap < 10 * enough:
+        elif damping > 1e3 or worst < tolerance:
             break  # no step helps: a local minimum, or round-off
         else:
             damping = max(10 * damping, 1e-6)
-    success = gap <= 10 * enough
-    if throw and not success:
-        raise ClosureError(
-            f"{demand} cannot be met from this guess: the residual is {gap:.3g} m after {iterations} steps; "
-            "start nearer, or ask for a pose within reach",
-            residual=gap,
-            iterations=iterations,
-            q=q,
-        )
-    return Closure(q=q, gap=gap, iterations=iterations, success=success)
+    gap = float(np.abs(residual * system.sizes).max(initial=0.0))
+    return Closure(q=q, gap=gap, iterations=iterations, success=worst <= tolerance)
 
 
-def _least_norm_step(
-    residual: FloatArray, jacobian: FloatArray, scale: FloatArray, damping: float
-) -> FloatArray:
-    """Solve J dq = -r for the shortest dq in scaled coordinates, damped and clamped."""
-    u, s, vt = np.linalg.svd(jacobian * scale, full_matrices=False)
+def _least_norm_step(residual: FloatArray, jacobian: FloatArray, damping: float) -> FloatArray:
+    """Solve J dq = -r for the shortest dq, damped and clamped."""
+    u, s, vt = np.linalg.svd(jacobian, full_matrices=False)
     largest = s[0] if s.size else 0.0
-    keep = s > _RANK * largest
+    keep = s > RANK * largest
     s = s[keep]
     gain = s / (s**2 + (damping * largest) ** 2)
-    scaled = -vt[keep].T @ (gain * (u[:, keep].T @ residual))
-    longest = np.abs(scaled).max(initial=0.0)
-    if longest > _LARGEST_STEP:
-        scaled *= _LARGEST_STEP / longest
-    return scaled * scale
+    step = -vt[keep].T @ (gain * (u[:, keep].T @ residual))
+    longest = np.abs(step).max(initial=0.0)
+    return step * min(1.0, _LARGEST_STEP / longest) if longest > 0 else step

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
+from stewart_pin.typing import FloatArray
 
 _TYPES = {JointKind.SPHERICAL: pin.ContactType.CONTACT_3D, JointKind.FIXED: pin.ContactType.CONTACT_6D}
 
@@ -49,3 +51,29 @@ def constraint_models(chain: ClosedChain) -> pin.StdVec_RigidConstraintModel:
             )
         )
     return models
+
+
+def reactions_from_pinocchio(chain: ClosedChain, lambda_c: FloatArray) -> FloatArray:
+    """Translate the multipliers of `constraint_models` to the rows of the loops.
+
+    Parameters
+    ----------
+    chain
+        Closed chain whose loops are spherical or fixed.
+    lambda_c
+        (nc,) Pinocchio's multipliers: per loop a force, for fixed loops also a moment, in loop frame 1 [N, N m].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nc,) multipliers of the loop rows, in the package's sign [N and N m].
+    """
+    table = chain.loop_table
+    # Pinocchio's Jacobian is minus the derivative of the gap.
+    reactions = -lambda_c
+    # Normal rows are x, y, z in either convention; the angle rows of a closed loop turn about u2 × u1.
+    axes = np.cross(table.angle.vector2, table.angle.vector1)
+    for row, loop, axis in zip(table.angle.index, table.angle.loop, axes, strict=True):
+        last = table.slices[loop].stop
+        reactions[row] = -axis @ lambda_c[last - 3 : last]
+    return reactions

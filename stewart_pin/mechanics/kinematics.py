@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
 
 from stewart_pin.checks import as_array
-from stewart_pin.closure.equations import gap_from_data, jacobian_from_data, loop_bias
-from stewart_pin.closure.newton import Closure, System, close_loops, solve
+from stewart_pin.closure.equations import gap_from_data, jacobian_from_data, loop_bias, row_sizes
+from stewart_pin.closure.newton import RANK, Closure, System, close_loops, solve
 from stewart_pin.errors import ClosureError, UnreachableError
 from stewart_pin.model.chain import ClosedChain, as_configuration, as_pose
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
-_RANK = 1e-10
-"""Singular values below this, relative to the largest, count as zero."""
 _CONSISTENT = 1e-8
 """Part of a demanded motion that may be left over by round-off, relative to its size."""
-_STAGES = (1, 4, 16)
-"""Numbers of intermediate demands, tried in order: many small ones where one large one fails."""
+_AT_LIMIT = 1e-9
+"""Excess over a joint limit that is still round-off, in robot sizes or radians."""
+_STAGES = (4, 16)
+"""Numbers of steps towards a demand, tried in order where the demand at once fails."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +129,8 @@ def inverse_kinematics(
         target = pose if share == 1.0 else here * pin.exp6(share * twist)
         return _with_pose(chain, target)
 
-    closure = _approach(chain, start, demand, "the pose", throw=throw)
-    if limits:
-        return _within_limits(chain, closure, throw=throw)
-    return closure
+    closure = _approach(chain, start, demand, throw=throw)
+    return _within_limits(chain, closure, throw=throw) if limits else closure
 
 
 def forward_kinematics(
@@ -167,7 +166,7 @@ def forward_kinematics(
     def demand(share: float) -> System:
         return _with_motors(chain, target if share == 1.0 else begin + share * (target - begin))
 
-    return _approach(chain, start, demand, "the motor positions", throw=throw)
+    return _approach(chain, start, demand, throw=throw)
 
 
 def platform_motion(
@@ -238,7 +237,7 @@ def motor_jacobian(chain: ClosedChain, q: ArrayLike) -> FloatArray:
         [m/s or rad/s per m/s or rad/s]. For a platform with fewer than six freedoms, J acts on the twists it can do.
     """
     q = as_configuration(chain, "q", q)
-    spread = np.linalg.pinv(motion_matrix(chain, q), rcond=_RANK)
+    spread = np.linalg.pinv(motion_matrix(chain, q), rcond=RANK)
     return spread[chain.motor_index][:, chain.nc :]
 
 
@@ -293,7 +292,7 @@ def _platform_jacobian(chain: ClosedChain, data: pin.Data) -> FloatArray:
 def _with_pose(chain: ClosedChain, target: pin.SE3) -> System:
     """Loops, and the platform frame at its target: position error [m], rotation vector of R R_targetᵀ [rad]."""
 
-    def system(data: pin.Data, q: Configuration) -> tuple[FloatArray, FloatArray]:
+    def evaluate(data: pin.Data, q: Configuration) -> tuple[FloatArray, FloatArray]:
         here = pin.updateFramePlacement(chain.model, data, chain.platform_id)
         turn = here.rotation @ target.rotation.T
         angle = pin.log3(turn)
@@ -303,48 +302,52 @@ def _with_pose(chain: ClosedChain, target: pin.SE3) -> System:
         residual = np.concatenate([gap_from_data(chain, data), here.translation - target.translation, angle])
         return residual, np.vstack([jacobian_from_data(chain, data), jacobian])
 
-    return system
+    sizes = np.concatenate([row_sizes(chain), np.full(3, chain.length_scale), np.ones(3)])
+    return System(evaluate, sizes, "the pose")
 
 
 def _with_motors(chain: ClosedChain, target: FloatArray) -> System:
     rows = np.eye(chain.nv)[chain.motor_index]
 
-    def system(data: pin.Data, q: Configuration) -> tuple[FloatArray, FloatArray]:
+    def evaluate(data: pin.Data, q: Configuration) -> tuple[FloatArray, FloatArray]:
         residual = np.concatenate([gap_from_data(chain, data), q[chain.motor_q_index] - target])
         return residual, np.vstack([jacobian_from_data(chain, data), rows])
 
-    return system
+    sizes = np.concatenate([row_sizes(chain), chain.tangent_scale[chain.motor_index]])
+    return System(evaluate, sizes, "the motor positions")
 
 
-def _approach(chain: ClosedChain, start: Configuration, demand, name: str, *, throw: bool) -> Closure:
+def _approach(
+    chain: ClosedChain, start: Configuration, demand: Callable[[float], System], *, throw: bool
+) -> Closure:
     """Solve for the demand at once, or failing that through intermediate ones."""
-    closure = Closure(q=start, gap=np.inf, iterations=0, success=False)
-    iterations = 0
+    direct = closure = solve(chain, start, demand(1.0))
+    iterations = closure.iterations
     for stages in _STAGES:
-        q = start
-        for k in range(1, stages + 1):
-            last = throw and stages == _STAGES[-1]
-            closure = solve(chain, q, demand(k / stages), name, throw=last)
-            iterations += closure.iterations
-            q = closure.q
-            if not closure.success:
-                break
         if closure.success:
             break
-    return Closure(q=closure.q, gap=closure.gap, iterations=iterations, success=closure.success)
+        closure = replace(closure, q=start)
+        for k in range(1, stages + 1):
+            closure = solve(chain, closure.q, demand(k / stages))
+            iterations += closure.iterations
+            if not closure.success:
+                break
+    # Of failures the direct one tells most: how near to the demand itself the chain can come.
+    closure = replace(closure if closure.success else direct, iterations=iterations)
+    return closure.or_raise(demand(1.0).demand) if throw else closure
 
 
 def _within_limits(chain: ClosedChain, closure: Closure, *, throw: bool) -> Closure:
     if not closure.success:
         return closure
     model, q = chain.model, closure.q
-    slack = 1e-9 * chain.length_scale
     violations: dict[str, tuple[float, float, float]] = {}
     for name, joint in zip(model.names[1:], model.joints[1:], strict=True):
         if joint.nq != 1:
             continue
         k = joint.idx_q
         low, high = float(model.lowerPositionLimit[k]), float(model.upperPositionLimit[k])
+        slack = _AT_LIMIT * chain.tangent_scale[joint.idx_v]
         if not low - slack <= q[k] <= high + slack:
             violations[name] = (float(q[k]), low, high)
     if not violations:
@@ -360,14 +363,14 @@ def _within_limits(chain: ClosedChain, closure: Closure, *, throw: bool) -> Clos
             iterations=closure.iterations,
             q=q,
         )
-    return Closure(q=q, gap=closure.gap, iterations=closure.iterations, success=False)
+    return replace(closure, success=False)
 
 
 def _follow(
     chain: ClosedChain, q: Configuration, matrix: FloatArray, demand: FloatArray, name: str
 ) -> Tangent:
     """Least-norm tangent vector that meets a demand exactly, or an error."""
-    motion = np.linalg.lstsq(matrix, demand, rcond=_RANK)[0]
+    motion = np.linalg.lstsq(matrix, demand, rcond=RANK)[0]
     left = float(np.abs(matrix @ motion - demand).max(initial=0.0))
     if left > _CONSISTENT * max(1.0, float(np.abs(demand).max(initial=0.0))):
         raise ClosureError(
@@ -381,6 +384,7 @@ def _follow(
 
 
 def _start(chain: ClosedChain, q_guess: ArrayLike | None) -> Configuration:
+    """Home, or the guess with its loops closed: without that, the way to the demand would begin off the mechanism."""
     if q_guess is None:
         return chain.q_home
-    return close_loops(chain, q_guess).q
+    return close_loops(chain, q_guess, throw=False).q
