@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 import proxsuite
 
-from stewart_pin.checks import as_array
+from stewart_pin.closure.newton import RANK
 from stewart_pin.errors import ConvergenceError, InputError
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _ACCURACY = 1e-10
 """Residual at which the solver stops, relative to the load."""
+_CARRIED = 1e-8
+"""Part of the load that may be left over, relative to it, before it counts as not carried."""
+_AT_LIMIT = 1e-8
+"""Distance from a limit, relative to the load, at which the solver means the limit itself."""
+_UNLIMITED = 1e10
+""""No limit" in the quadratic programme, relative to the load."""
 
 
 def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike) -> FloatArray:
@@ -23,7 +29,7 @@ def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike) -> Fl
     load
         (dof,) what the motions need [N, N m].
     limit
-        (nu,) or one number: largest absolute effort [N or N m].
+        (nu,) or one number: largest absolute effort, inf for none [N or N m].
 
     Returns
     -------
@@ -33,32 +39,53 @@ def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike) -> Fl
     Raises
     ------
     InputError
-        If a limit is negative.
+        If a limit is negative, no number, or of another shape.
     ConvergenceError
         If no efforts within the limits carry the load.
     """
     nu = share.shape[1]
-    bound = np.broadcast_to(
-        as_array("effort_limit", np.atleast_1d(np.asarray(limit, dtype=float)), (None,)), (nu,)
-    )
-    if (bound < 0).any():
-        raise InputError(f"effort_limit must be 0 or more, got {bound.min():g}")
+    bound = _bounds(limit, nu)
     # Dependent rows (idle freedoms carry no load) are taken out, and the load is scaled to about one.
     u, s, vt = np.linalg.svd(share, full_matrices=False)
-    keep = s > 1e-10 * s[0]
+    keep = s > RANK * s.max(initial=0.0)
     size = max(1.0, float(np.abs(load).max(initial=0.0)))
     rows, goal = vt[keep], (u[:, keep].T @ load) / (s[keep] * size)
     qp = proxsuite.proxqp.dense.QP(nu, rows.shape[0], nu)
     qp.settings.eps_abs = _ACCURACY
     qp.settings.max_iter = 10_000
-    qp.init(np.eye(nu), np.zeros(nu), rows, goal, np.eye(nu), -bound / size, bound / size)
+    # No limit is one far beyond what any least-norm solution would use.
+    box = np.minimum(bound / size, _UNLIMITED)
+    qp.init(np.eye(nu), np.zeros(nu), rows, goal, np.eye(nu), -box, box)
     qp.solve()
-    left = float(np.abs(rows @ qp.results.x - goal).max(initial=0.0))
-    over = float((np.abs(qp.results.x) - bound / size).max(initial=0.0))
-    if qp.results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED or max(left, over) > 1e-8:
+    efforts = _polished(qp.results.x, rows, goal, box)
+    left = float(np.abs(rows @ efforts - goal).max(initial=0.0))
+    if qp.results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED or left > _CARRIED:
         raise ConvergenceError(
             f"no efforts within effort_limit carry the load ({left * size:.3g} N or N m is left over); "
             "raise the limit or slow down",
             residual=left * size,
         )
-    return qp.results.x * size
+    return efforts * size
+
+
+def _bounds(limit: ArrayLike, nu: int) -> FloatArray:
+    try:
+        bound = np.broadcast_to(np.asarray(limit, dtype=float), (nu,))
+    except (TypeError, ValueError):
+        raise InputError(
+            f"effort_limit must be a number or have shape ({nu},), got {np.shape(limit)} of {type(limit).__name__}"
+        ) from None
+    if not (bound >= 0).all():
+        raise InputError(f"effort_limit must be 0 or more (inf: no limit), got {np.min(bound):g}")
+    return bound
+
+
+def _polished(efforts: FloatArray, rows: FloatArray, goal: FloatArray, box: FloatArray) -> FloatArray:
+    """Put efforts at a limit exactly there and solve for the others: round-off instead of the solver's accuracy."""
+    held = np.abs(efforts) > box - _AT_LIMIT
+    exact = np.where(held, np.copysign(box, efforts), 0.0)
+    exact[~held] = np.linalg.lstsq(rows[:, ~held], goal - rows @ exact, rcond=RANK)[0]
+    fits = (np.abs(exact) <= box * (1 + 1e-12)).all() and np.abs(exact - efforts).max(
+        initial=0.0
+    ) < 10 * _AT_LIMIT
+    return np.clip(exact if fits else efforts, -box, box)

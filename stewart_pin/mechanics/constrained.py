@@ -16,21 +16,27 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.checks import as_array
-from stewart_pin.closure.equations import bias_from_data, gap_from_data, jacobian_from_data
-from stewart_pin.closure.pinocchio_constraints import constraint_models
-from stewart_pin.errors import ActuationError, ConvergenceError, InputError, UnsupportedError
+from stewart_pin.closure.equations import bias_from_data, gap_from_data, jacobian_from_data, row_sizes
+from stewart_pin.closure.newton import RANK
+from stewart_pin.closure.pinocchio_constraints import constraint_models, reactions_from_pinocchio
+from stewart_pin.errors import (
+    ActuationError,
+    ConvergenceError,
+    InputError,
+    SingularityError,
+    UnsupportedError,
+)
 from stewart_pin.mechanics.bounded_efforts import bounded_efforts
 from stewart_pin.mechanics.effort import Effort, Motion
 from stewart_pin.mechanics.freedom import Freedom, analyse_freedom
 from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
-_RANK = 1e-10
-"""Singular values below this, relative to the largest, count as zero."""
 _CONSISTENT = 1e-6
-"""How far a state may be from closed loops, relative to its size: round-off of user data, not a wrong state."""
+"""How far a state may be from closed loops, in robot sizes and radians (per s, s²), relative where the state itself is
+larger: round-off and printed digits of user data, not a wrong state."""
 _NO_INERTIA = 1e-12
-"""Inertia of an idle freedom, relative to the largest, below which it carries none."""
+"""Inertia of a motion, relative to the largest, below which it has none: a thousand units of round-off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +90,7 @@ def pinocchio_inverse_dynamics(
     """
     state = _closed_state(chain, q, v)
     a = as_array("a", a, (chain.nv,))
-    _require_small(state.jacobian @ a + state.bias, a, "a", "platform_motion")
+    _require_small(chain, state.jacobian @ a + state.bias, a, "a", "platform_motion")
     data = pin.Data(chain.model)
     freedom = analyse_freedom(chain, state.q)
     if throw:
@@ -93,14 +99,12 @@ def pinocchio_inverse_dynamics(
 
     share = freedom.motions[chain.motor_index].T  # Nᵀ Sᵀ, (dof, nu)
     load = freedom.motions.T @ needed
-    rank = np.linalg.matrix_rank(share, tol=_RANK * max(1.0, np.linalg.norm(share, 2))) if share.size else 0
     if effort_limit is None:
-        tau_motor = np.linalg.lstsq(share, load, rcond=_RANK)[0]
+        tau_motor, _, rank, _ = np.linalg.lstsq(share, load, rcond=RANK)
     else:
-        tau_motor = bounded_efforts(share, load, effort_limit)
-    needed = needed.copy()
+        tau_motor, rank = bounded_efforts(share, load, effort_limit), np.linalg.matrix_rank(share, rtol=RANK)
     needed[chain.motor_index] -= tau_motor
-    lambda_c = np.linalg.lstsq(state.jacobian.T, needed, rcond=_RANK)[0]
+    lambda_c = np.linalg.lstsq(state.jacobian.T, needed, rcond=RANK)[0]
     return Effort(
         tau_motor=tau_motor,
         lambda_c=lambda_c,
@@ -142,6 +146,8 @@ def forward_dynamics(
         If the state does not keep the loops closed, or the method is unknown.
     UnsupportedError
         If ``constraint_dynamics`` cannot treat the chain.
+    SingularityError
+        If a motion that motors or platform take part in has no inertia, so that no acceleration is determined.
     """
     state = _closed_state(chain, q, v)
     tau = np.zeros(chain.nv)
@@ -153,13 +159,36 @@ def forward_dynamics(
     data = pin.Data(chain.model)
     inertia = _joint_space_inertia(chain, data, state.q)
     push = tau - pin.nonLinearEffects(chain.model, data, state.q, state.v)
-    motions = analyse_freedom(chain, state.q).motions
-    a = -np.linalg.lstsq(state.jacobian, state.bias, rcond=_RANK)[0]
-    # The projected inertia is singular only along idle freedoms without inertia: they do not accelerate.
-    projected = motions.T @ inertia @ motions
-    a = a + motions @ np.linalg.lstsq(projected, motions.T @ (push - inertia @ a), rcond=_NO_INERTIA)[0]
-    lambda_c = np.linalg.lstsq(state.jacobian.T, inertia @ a - push, rcond=_RANK)[0]
+    freedom = analyse_freedom(chain, state.q)
+    a = -np.linalg.lstsq(state.jacobian, state.bias, rcond=RANK)[0]
+    a = a + _free_acceleration(chain, freedom, inertia, push - inertia @ a)
+    lambda_c = np.linalg.lstsq(state.jacobian.T, inertia @ a - push, rcond=RANK)[0]
     return Motion(a=a, lambda_c=lambda_c)
+
+
+def _free_acceleration(
+    chain: ClosedChain, freedom: Freedom, inertia: FloatArray, push: FloatArray
+) -> Tangent:
+    """Acceleration along the motions that keep the loops closed; idle freedoms without inertia do not accelerate."""
+    moments, axes = np.linalg.eigh(freedom.motions.T @ inertia @ freedom.motions)
+    heavy = moments > _NO_INERTIA * moments.max(initial=0.0)
+    weightless = freedom.motions @ axes[:, ~heavy]
+    # Of the weightless motions, all must be idle: each of them then is one of the idle freedoms.
+    idle = freedom.idle / chain.tangent_scale[:, None]
+    active = weightless / chain.tangent_scale[:, None]
+    active = active - idle @ (idle.T @ active)
+    # A weightless motion is determined by round-off to about the root of _NO_INERTIA.
+    if np.abs(active).max(initial=0.0) > 1e-3:
+        direction = weightless[:, np.argmax(np.linalg.norm(active, axis=0))]
+        raise SingularityError(
+            f"nothing with inertia takes part in the motion {_named(chain, direction)}, so its acceleration is "
+            "undetermined; give the bodies mass",
+            smallest_singular_value=float(moments[0]),
+            direction=direction,
+            names=chain.tangent_names,
+        )
+    kept = axes[:, heavy]
+    return freedom.motions @ (kept @ ((kept.T @ (freedom.motions.T @ push)) / moments[heavy]))
 
 
 def require_held(chain: ClosedChain, freedom: Freedom) -> None:
@@ -180,17 +209,23 @@ def require_held(chain: ClosedChain, freedom: Freedom) -> None:
     if not freedom.lost.shape[1]:
         return
     direction = freedom.weakest / np.abs(freedom.weakest).max()
-    order = np.argsort(-np.abs(direction))[:6]
-    shown = ", ".join(
-        f"{chain.tangent_names[k]} {direction[k]:+.3g}" for k in order if abs(direction[k]) > 1e-6
-    )
     raise ActuationError(
         f"the motors cannot hold the robot here: {freedom.lost.shape[1]} freedom(s) left over with all motors "
-        f"locked (smallest singular value {freedom.smallest_singular_value:.3g}), the motion {shown}; "
+        f"locked (smallest singular value {freedom.smallest_singular_value:.3g}), the motion "
+        f"{_named(chain, direction)}; "
         "move away from this configuration, add a motor, or pass throw=False for least squares",
         smallest_singular_value=freedom.smallest_singular_value,
         direction=direction,
         names=chain.tangent_names,
+    )
+
+
+def _named(chain: ClosedChain, direction: FloatArray) -> str:
+    """Spell out the largest entries of a motion."""
+    order = np.argsort(-np.abs(direction))[:6]
+    largest = np.abs(direction).max()
+    return ", ".join(
+        f"{chain.tangent_names[k]} {direction[k]:+.3g}" for k in order if abs(direction[k]) > 1e-6 * largest
     )
 
 
@@ -201,15 +236,21 @@ def _closed_state(chain: ClosedChain, q: ArrayLike, v: ArrayLike) -> _Closed:
     pin.computeJointJacobians(chain.model, data, q)
     pin.forwardKinematics(chain.model, data, q, v, np.zeros(chain.nv))
     gap, jacobian = gap_from_data(chain, data), jacobian_from_data(chain, data)
-    _require_small(gap, q, "q", "close_loops")
-    _require_small(jacobian @ v, v, "v", "platform_motion")
+    _require_small(chain, gap, np.zeros(chain.nv), "q", "close_loops")
+    _require_small(chain, jacobian @ v, v, "v", "platform_motion")
     return _Closed(q=q, v=v, jacobian=jacobian, bias=bias_from_data(chain, data))
 
 
-def _require_small(left: FloatArray, value: FloatArray, name: str, remedy: str) -> None:
-    worst = float(np.abs(left).max(initial=0.0))
-    if worst > _CONSISTENT * max(1.0, float(np.abs(value).max(initial=0.0))):
-        raise InputError(f"{name} does not keep the loops closed: {worst:.3g} is left over; see {remedy}")
+def _require_small(chain: ClosedChain, left: FloatArray, value: Tangent, name: str, remedy: str) -> None:
+    relative = np.abs(left) / row_sizes(chain)
+    if relative.max(initial=0.0) > _CONSISTENT * max(
+        1.0, float(np.abs(value / chain.tangent_scale).max(initial=0.0))
+    ):
+        row = int(np.argmax(relative))
+        raise InputError(
+            f"{name} does not keep the loops closed: {abs(left[row]):.3g} is left over in "
+            f"{chain.loop_table.names[row]}; see {remedy}"
+        )
 
 
 def _let_idle_go(
@@ -220,11 +261,11 @@ def _let_idle_go(
     if not idle.shape[1]:
         return needed, a
     inertia = _joint_space_inertia(chain, data, state.q)
-    own = idle.T @ inertia @ idle
-    known = np.linalg.pinv(own, rcond=_NO_INERTIA, hermitian=True)
-    if np.abs(own).max() <= _NO_INERTIA * np.abs(inertia).max():
-        known = np.zeros_like(own)
-    change = -idle @ (known @ (idle.T @ needed))
+    moments, axes = np.linalg.eigh(idle.T @ inertia @ idle)
+    scale = chain.tangent_scale
+    heavy = moments > _NO_INERTIA * np.abs(scale[:, None] * inertia * scale).max()
+    axes = idle @ axes[:, heavy]
+    change = -axes @ ((axes.T @ needed) / moments[heavy])
     return needed + inertia @ change, a + change
 
 
@@ -235,6 +276,10 @@ def _joint_space_inertia(chain: ClosedChain, data: pin.Data, q: Configuration) -
 
 def _constraint_dynamics(chain: ClosedChain, state: _Closed, tau: FloatArray) -> Motion:
     models = constraint_models(chain)
+    if np.linalg.matrix_rank(state.jacobian * chain.tangent_scale, rtol=RANK) < chain.nc:
+        raise UnsupportedError(
+            "pinocchio.constraintDynamics cannot treat redundant loops (see mobility); use method='projection'"
+        )
     # Fresh datas for every call: other algorithms leave desired accelerations behind in theirs.
     datas = pin.StdVec_RigidConstraintData()
     for model in models:
@@ -245,14 +290,12 @@ def _constraint_dynamics(chain: ClosedChain, state: _Closed, tau: FloatArray) ->
     a = np.array(pin.constraintDynamics(chain.model, data, state.q, state.v, tau, models, datas, settings))
     if not np.isfinite(a).all():
         raise UnsupportedError(
-            "pinocchio.constraintDynamics gives no finite answer: loops are redundant or bodies lack mass; "
-            "use method='projection'"
+            "pinocchio.constraintDynamics gives no finite answer: bodies lack mass; use method='projection'"
         )
     left = float(np.abs(state.jacobian @ a + state.bias).max(initial=0.0))
-    if left > _CONSISTENT * max(1.0, float(np.abs(a).max())):
+    if left > _CONSISTENT * max(1.0, float(np.abs(a).max(initial=0.0))):
         raise ConvergenceError(
             f"pinocchio.constraintDynamics leaves {left:.3g} of the loop acceleration; use method='projection'",
             residual=left,
         )
-    # Pinocchio's Jacobian of these constraints is minus the derivative of the gap.
-    return Motion(a=a, lambda_c=-np.array(data.lambda_c))
+    return Motion(a=a, lambda_c=reactions_from_pinocchio(chain, np.array(data.lambda_c)))

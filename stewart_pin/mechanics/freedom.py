@@ -1,7 +1,8 @@
 """Which motions the loops leave, which of them the motors hold, and which move nothing that matters.
 
 One singular value decomposition each: N spans the motions that keep the loops closed (J_c N = 0); of these, the ones
-with locked motors are *idle* when the platform rests, and a *lost* freedom when it moves.
+with locked motors are *idle* when the platform rests, and a *lost* freedom when it moves. All decompositions see
+lengths in robot sizes, so that the unit of length decides nothing.
 """
 
 from __future__ import annotations
@@ -10,32 +11,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.closure.equations import row_sizes
+from stewart_pin.closure.newton import RANK
 from stewart_pin.mechanics.kinematics import motion_matrix
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray
 
-RANK = 1e-10
-"""Singular values below this, relative to the largest, count as zero."""
-
 
 @dataclass(frozen=True, eq=False)
 class Freedom:
-    """Motions of a chain at one configuration.
+    """Motions of a chain at one configuration. Each basis is orthonormal when lengths are measured in robot sizes.
 
     Attributes
     ----------
     motions
-        (nv, dof) orthonormal basis of the motions that keep the loops closed, N.
+        (nv, dof) basis of the motions that keep the loops closed, N [m, rad].
     idle
-        (nv, n) orthonormal basis of those that move neither motors nor platform.
+        (nv, n) basis of those that move neither motors nor platform [m, rad].
     lost
-        (nv, n) motions with locked motors that move the platform, orthogonal to the idle ones.
+        (nv, n) motions with locked motors that move the platform, orthogonal to the idle ones [m, rad].
     rank
         Rank of the loop Jacobian.
     smallest_singular_value
         Of the motors' share of all motions but the idle ones, lengths in robot sizes; near zero at a singularity.
     weakest
-        (nv,) the motion that the motors resist least.
+        (nv,) the motion that the motors resist least [m, rad].
     """
 
     motions: FloatArray
@@ -62,9 +62,9 @@ def analyse_freedom(chain: ClosedChain, q: Configuration) -> Freedom:
         The motions, sorted.
     """
     scale = chain.tangent_scale
-    matrix = motion_matrix(chain, q) * scale
+    sizes = np.concatenate([row_sizes(chain), np.full(3, chain.length_scale), np.ones(3)])
+    matrix = motion_matrix(chain, q) * scale / sizes[:, None]
     jacobian, platform = matrix[: chain.nc], matrix[chain.nc :]
-    platform[:3] /= chain.length_scale
     motors = np.eye(chain.nv)[chain.motor_index]
     free, rank = null_space(jacobian)
     resting, _ = null_space(np.vstack([motors, platform]) @ free)
@@ -78,8 +78,8 @@ def analyse_freedom(chain: ClosedChain, q: Configuration) -> Freedom:
     weakest = held @ vt[-1] if s.size else np.zeros(chain.nv)
     column = scale[:, None]
     return Freedom(
-        motions=_orthonormal(free * column),
-        idle=_orthonormal(idle * column),
+        motions=free * column,
+        idle=idle * column,
         lost=lost * column,
         rank=rank,
         smallest_singular_value=float(s[-1]) if s.size else np.inf,
@@ -107,7 +107,3 @@ def null_space(matrix: FloatArray) -> tuple[FloatArray, int]:
     _, s, vt = np.linalg.svd(matrix)
     rank = int(np.count_nonzero(s > RANK * s[0])) if s[0] > 0 else 0
     return vt[rank:].T, rank
-
-
-def _orthonormal(columns: FloatArray) -> FloatArray:
-    return np.linalg.qr(columns)[0] if columns.shape[1] else columns

@@ -123,9 +123,8 @@ def _describe(chain: ClosedChain, q: Configuration, motion: FloatArray) -> str:
     pin.updateFramePlacements(model, data)
     twists: dict[str, FloatArray] = {}
     for link in chain.mechanism.links:
-        twist = pin.getFrameVelocity(
-            model, data, model.getFrameId(link.name), pin.ReferenceFrame.WORLD
-        ).vector
+        frame = model.getFrameId(link.name, pin.FrameType.BODY)
+        twist = pin.getFrameVelocity(model, data, frame, pin.ReferenceFrame.WORLD).vector
         if np.abs(twist).max() > _REST * np.abs(motion).max():
             twists[link.name] = twist
     bodies = [name for name in twists if chain.mechanism.link(name).inertia is not None] or list(twists)
