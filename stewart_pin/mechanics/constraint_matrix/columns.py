@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.errors import SingularityError
 from stewart_pin.mechanics.constraint_matrix.kinematics import JointMotion, LinkMotion
 from stewart_pin.mechanics.constraint_matrix.spatial import force_at, motion_about, skew
 from stewart_pin.mechanics.constraint_matrix.topology import CompoundJoint
@@ -17,6 +18,8 @@ from stewart_pin.model.description import Loop
 from stewart_pin.model.loop_rows import AngleRow, NormalRow, Row, closure_rows
 from stewart_pin.typing import FloatArray
 
+_DISTINCT = 1e-10
+"""Smallest singular value of unit axes below which they count as dependent: far above round-off."""
 _PURE = 1e-12
 """Part of a motion axis that counts as zero, per metre of robot: round-off of moving it between points."""
 
@@ -117,6 +120,8 @@ def passive_columns(freedoms: Freedoms) -> Columns:
 def motor_column(freedoms: Freedoms, entry: int, acceleration: float) -> Columns:
     """Build the column of a motor: unit effort on its own freedom, none on the others of the joint.
 
+    Where massless links join several freedoms in one joint, they must differ: see `Raises`.
+
     Parameters
     ----------
     freedoms
@@ -130,8 +135,22 @@ def motor_column(freedoms: Freedoms, entry: int, acceleration: float) -> Columns
     -------
     Columns
         One column.
+
+    Raises
+    ------
+    SingularityError
+        If the freedoms of the joint do not differ here (gimbal lock): what its motor does is then undetermined.
     """
     axes = motion_about(freedoms.origin, freedoms.axes)
+    # Sizes of the axes do not matter to whether they differ.
+    smallest = float(np.linalg.svd(axes / np.linalg.norm(axes, axis=0), compute_uv=False)[-1])
+    if axes.shape[1] > 6 or smallest < _DISTINCT:
+        raise SingularityError(
+            f"{axes.shape[1]} joints in a row without a body between them, one of them a motor, share their motions "
+            f"here (smallest singular value {smallest:.3g}); move away from this configuration, or give the links "
+            "between them mass",
+            smallest_singular_value=smallest,
+        )
     # The dual basis S (SᵀS)⁻¹: power of column k is the rate of freedom k.
     dual = np.linalg.pinv(axes).T[:, freedoms.index == entry]
     wrench = force_at(freedoms.origin, dual[:3], dual[3:])
@@ -153,13 +172,47 @@ def loop_columns(loop: Loop, link1: LinkMotion, link2: LinkMotion) -> Columns:
     Columns
         Wrenches on link 2.
     """
+    ends = _ends(loop, link1, link2)
+    wrenches, demands = zip(*(_loop_row(row, ends) for row in closure_rows(loop)), strict=True)
+    return Columns(np.stack(wrenches, axis=1), np.array(demands))
+
+
+def loop_openings(loop: Loop, link1: LinkMotion, link2: LinkMotion, size: float) -> FloatArray:
+    """Measure how far a loop is from closed.
+
+    Parameters
+    ----------
+    loop
+        The loop.
+    link1, link2
+        Motion of its links.
+    size
+        Length that counts as one [m].
+
+    Returns
+    -------
+    numpy.ndarray
+        (n,) opening of every row, in units of `size` and radians.
+    """
+    ends = _ends(loop, link1, link2)
+    reach = ends.point2 - ends.point1
+    openings = []
+    for row in closure_rows(loop):
+        if isinstance(row, AngleRow):
+            openings.append((ends.rotation1 @ row.u1) @ (ends.rotation2 @ row.u2))
+        elif isinstance(row, NormalRow):
+            openings.append((ends.rotation1 @ row.normal) @ reach / size)
+        else:
+            openings.append((np.linalg.norm(reach) - row.length) / size)
+    return np.array(openings)
+
+
+def _ends(loop: Loop, link1: LinkMotion, link2: LinkMotion) -> _Ends:
     rotation1 = link1.rotation @ loop.placement1.rotation
     rotation2 = link2.rotation @ loop.placement2.rotation
     point1 = link1.origin + link1.rotation @ loop.placement1.translation
     point2 = link2.origin + link2.rotation @ loop.placement2.translation
-    ends = _Ends(rotation1, rotation2, point1, point2, link1.twist, link2.twist)
-    wrenches, demands = zip(*(_loop_row(row, ends) for row in closure_rows(loop)), strict=True)
-    return Columns(np.stack(wrenches, axis=1), np.array(demands))
+    return _Ends(rotation1, rotation2, point1, point2, link1.twist, link2.twist)
 
 
 @dataclass(frozen=True, eq=False)

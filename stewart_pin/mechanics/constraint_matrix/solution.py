@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse
-import scipy.sparse.linalg
+from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.checks import as_array
 from stewart_pin.errors import ActuationError, InputError
+from stewart_pin.mechanics.constraint_matrix.columns import loop_openings
 from stewart_pin.mechanics.constraint_matrix.spatial import motion_about
 from stewart_pin.mechanics.constraint_matrix.system import AssembledSystem, ConstraintMatrixSystem, assemble
 from stewart_pin.mechanics.effort import Effort
@@ -17,17 +17,21 @@ from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 _RANK = 1e-11
-"""Singular values or pivots below this, relative to the largest, count as zero."""
+"""Singular values below this, relative to the largest, count as zero: a hundred times the round-off of so many rows,
+and a tenth of what the other formulation calls zero, for it sees the singularity through the inertias."""
 _CONSISTENT = 1e-6
 """How far a state may be from closed loops, relative to its size."""
+_TAKES_PART = 1e-8
+"""Entries of an orthonormal basis below this are round-off: that of singular vectors near a gap of `_RANK`."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """Unknowns of the block system, and the freedom left in them: (n, k) orthonormal basis, k = 0 when unique."""
+    """Unknowns of the block system, and the freedom left in them: (n, k) basis, orthonormal in units of `scale`."""
 
     unknowns: FloatArray
     undetermined: FloatArray
+    scale: FloatArray
 
 
 def constraint_matrix_inverse_dynamics(
@@ -65,16 +69,16 @@ def constraint_matrix_inverse_dynamics(
     a = as_array("a", a, (chain.nv,))
     assembled = assemble(chain, q, v, a)
     system = assembled.system
-    _require_consistent(assembled, a)
+    _require_consistent(chain, assembled, a)
     n_bodies = system.f_p.size
-    solution = _solve(system)
+    solution = _solve(system, chain.length_scale)
     motors = slice(solution.unknowns.size - chain.nu, solution.unknowns.size)
     first_loop = 1 + sum(freedom.axes.shape[1] < 6 for freedom in assembled.freedoms)
     loops = slice(n_bodies + system.columns[first_loop].start, motors.start)
     # Least norm of the wrenches; bodies that nothing determines keep as near to the demand as they can.
     demand = np.zeros_like(solution.unknowns)
     demand[:n_bodies] = _tree_accelerations(assembled, a)
-    beyond = _Solution(solution.unknowns - demand, solution.undetermined)
+    beyond = replace(solution, unknowns=solution.unknowns - demand)
     unknowns, unique = _least_norm(beyond, [motors, loops, slice(n_bodies), slice(None)])
     unknowns += demand
 
@@ -86,53 +90,61 @@ def constraint_matrix_inverse_dynamics(
         lambda_c=unknowns[loops],
         unique=unique[0],
         reactions_unique=unique[1],
-        a=_tangent_acceleration(chain, assembled, unknowns[:n_bodies]),
+        a=_tangent_acceleration(assembled, unknowns[:n_bodies], a),
         residual=float(np.abs(residual_vector[:n_bodies]).max()),
     )
 
 
-def _solve(system: ConstraintMatrixSystem) -> _Solution:
-    matrix, right = system.matrix, system.right_hand_side
-    factor = _factorise(matrix)
-    if factor is not None:
-        unknowns = factor.solve(right)
-        unknowns += factor.solve(
-            right - matrix @ unknowns
-        )  # one refinement: pivots are chosen for sparsity too
-        return _Solution(unknowns, np.zeros((right.size, 0)))
-    u, s, vt = np.linalg.svd(matrix.toarray())
+def _solve(system: ConstraintMatrixSystem, size: float) -> _Solution:
+    scale, across = _natural_units(system, size)
+    # Dense on purpose: at this size LAPACK is faster than SuperLU, which crashes on singular matrices.
+    matrix = system.matrix.toarray() * across[:, None] * scale
+    right = system.right_hand_side * across
+    getrf, gecon, getrs = get_lapack_funcs(("getrf", "gecon", "getrs"), (matrix,))
+    factors, pivots, info = getrf(matrix)
+    if info == 0 and gecon(factors, np.linalg.norm(matrix, 1))[0] > _RANK:
+        unknowns = getrs(factors, pivots, right)[0]
+        return _Solution(scale * unknowns, np.zeros((right.size, 0)), scale)
+    u, s, vt = np.linalg.svd(matrix)
     rank = int(np.count_nonzero(s > _RANK * s[0]))
     unknowns = vt[:rank].T @ ((u[:, :rank].T @ right) / s[:rank])
-    return _Solution(unknowns, vt[rank:].T)
+    return _Solution(scale * unknowns, vt[rank:].T, scale)
 
 
-def _factorise(matrix: scipy.sparse.csc_array) -> scipy.sparse.linalg.SuperLU | None:
-    """Sparse LU, or None where the matrix is singular."""
-    try:
-        factor = scipy.sparse.linalg.splu(matrix)
-    except RuntimeError:  # SuperLU met a pivot of exactly zero
-        return None
-    pivots = np.abs(factor.U.diagonal())
-    return factor if pivots.min() > _RANK * pivots.max() else None
+def _natural_units(system: ConstraintMatrixSystem, size: float) -> tuple[FloatArray, FloatArray]:
+    """Scales of unknowns and rows that make every entry of the matrix one at most, whatever the unit of length."""
+    motion = _motion_scale(system, size)
+    columns = _column_scale(system, motion)
+    # The largest inertia, or one where no body has any.
+    inertia = float(np.abs(system.I.diagonal() * motion**2).max()) or 1.0
+    return np.concatenate([motion, inertia * columns]), np.concatenate([motion / inertia, columns])
+
+
+def _motion_scale(system: ConstraintMatrixSystem, size: float) -> FloatArray:
+    return np.tile([size, size, size, 1.0, 1.0, 1.0], len(system.bodies))
+
+
+def _column_scale(system: ConstraintMatrixSystem, motion: FloatArray) -> FloatArray:
+    return 1.0 / np.linalg.norm(system.C.toarray() * motion[:, None], axis=0)
 
 
 def _least_norm(solution: _Solution, groups: list[slice]) -> tuple[FloatArray, list[bool]]:
     """Among all solutions, make the first group least, then the second, and so on; tell which were unique."""
-    unknowns, basis = solution.unknowns.copy(), solution.undetermined
+    unknowns, basis, scale = solution.unknowns.copy(), solution.undetermined, solution.scale[:, None]
     unique: list[bool] = []
     for group in groups:
-        part = basis[group]
-        u, s, vt = np.linalg.svd(part) if part.size else (np.eye(0), np.zeros(0), np.eye(basis.shape[1]))
-        rank = int(np.count_nonzero(s > 1e-9))
+        # Whether a group takes part in what is undetermined shows in natural units; what is least, in physical ones.
+        _, s, vt = np.linalg.svd(basis[group], full_matrices=True)
+        rank = int(np.count_nonzero(s > _TAKES_PART))
         unique.append(rank == 0)
         if rank:
-            step = vt[:rank].T @ ((u[:, :rank].T @ unknowns[group]) / s[:rank])
-            unknowns -= basis @ step
+            moving = scale * (basis @ vt[:rank].T)
+            unknowns -= moving @ np.linalg.lstsq(moving[group], unknowns[group], rcond=None)[0]
         basis = basis @ vt[rank:].T
     return unknowns, unique
 
 
-def _require_consistent(assembled: AssembledSystem, a: Tangent) -> None:
+def _require_consistent(chain: ClosedChain, assembled: AssembledSystem, a: Tangent) -> None:
     """Check gap, rate and acceleration of the loops as the bodies' own motion shows them."""
     system = assembled.system
     bodies = _tree_accelerations(assembled, a)
@@ -140,6 +152,17 @@ def _require_consistent(assembled: AssembledSystem, a: Tangent) -> None:
     twists = np.concatenate([assembled.links[body.name].twist for body in assembled.topology.bodies])
     matrix = system.C.toarray()
     for joint in assembled.topology.loops:
+        opening = loop_openings(
+            joint.loop,
+            assembled.links[joint.loop.link1],
+            assembled.links[joint.loop.link2],
+            chain.length_scale,
+        )
+        if np.abs(opening).max() > _CONSISTENT:
+            raise InputError(
+                f"q does not keep loop '{joint.name}' closed: a row is off by {np.abs(opening).max():.3g}, in robot "
+                "sizes or radians; see close_loops"
+            )
         columns = names[joint.name]
         rate = matrix[:, columns].T @ twists
         left = matrix[:, columns].T @ bodies - system.c_a[columns]
@@ -159,10 +182,10 @@ def _tree_accelerations(assembled: AssembledSystem, a: Tangent) -> FloatArray:
     return np.concatenate([at[body.name] for body in assembled.topology.bodies])
 
 
-def _tangent_acceleration(chain: ClosedChain, assembled: AssembledSystem, bodies: FloatArray) -> Tangent:
-    """Joint accelerations from the bodies' accelerations."""
+def _tangent_acceleration(assembled: AssembledSystem, bodies: FloatArray, demand: Tangent) -> Tangent:
+    """Joint accelerations from the bodies' accelerations; where no body takes part, the demand."""
     at = {body.name: bodies[6 * k : 6 * k + 6] for k, body in enumerate(assembled.topology.bodies)}
-    a = np.zeros(chain.nv)
+    a = demand.copy()
     for compound, freedom in zip(assembled.topology.tree, assembled.freedoms, strict=True):
         relative = at[compound.successor] - at[compound.predecessor] - freedom.bias
         axes = motion_about(freedom.origin, freedom.axes)
@@ -185,11 +208,14 @@ def _require_held(
     if follows and not solution.undetermined.shape[1]:
         return
     # Motions of the bodies that no joint and no motor resists: the null space of Cᵀ.
-    _, s, vt = np.linalg.svd(system.C.T.toarray())
+    motion = _motion_scale(system, chain.length_scale)
+    columns = _column_scale(system, motion)
+    _, s, vt = np.linalg.svd((system.C * motion[:, None] * columns).T.toarray())
     rank = int(np.count_nonzero(s > _RANK * s[0]))
     free = vt[rank:, rows]
-    if follows and (not free.size or np.linalg.norm(free, 2) < 1e-8):
+    if follows and (not free.size or np.linalg.norm(free, 2) < _TAKES_PART):
         return
+    free = free * motion[rows]
     direction = np.linalg.svd(free)[2][0] if free.size else np.sign(asked - done)
     shown = ", ".join(f"{x:+.3g}" for x in direction)
     raise ActuationError(

@@ -142,7 +142,7 @@ def assemble(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent) -> As
     AssembledSystem
         Equations and kinematics.
     """
-    layout = topology(chain.mechanism)
+    layout = topology(chain.mechanism, chain.motors, chain.platform)
     links, joints = tree_motion(chain, q, v)
     number = {link.name: k for k, link in enumerate(layout.bodies)}
     gravity = np.concatenate([chain.gravity, np.zeros(3)])

@@ -1,7 +1,9 @@
 """Which links are bodies, and which joints hold them together.
 
 A link without ``<inertial>`` is no body: the joints on either side of it form one compound joint, so that RX and RY
-around a cross make one universal joint. The ground is a body, held by a joint with six columns.
+around a cross make one universal joint. The ground is a body, held by a joint with six columns. Where a massless link
+has to have a motion of its own (it branches, a loop ends on it, it is what a motor moves or the platform), it is a body
+without inertia.
 """
 
 from __future__ import annotations
@@ -71,25 +73,31 @@ class Topology:
 
 
 @lru_cache(maxsize=64)
-def topology(mechanism: Mechanism) -> Topology:
+def topology(mechanism: Mechanism, motors: tuple[str, ...], platform: str) -> Topology:
     """Sort a mechanism into bodies and joints.
 
     Parameters
     ----------
     mechanism
         Valid description.
+    motors
+        Names of the motor joints.
+    platform
+        Name of the platform link.
 
     Returns
     -------
     Topology
         Bodies and joints.
     """
-    return _Sorter(mechanism).run()
+    return _Sorter(mechanism, motors, platform).run()
 
 
 class _Sorter:
-    def __init__(self, mechanism: Mechanism) -> None:
+    def __init__(self, mechanism: Mechanism, motors: tuple[str, ...], platform: str) -> None:
         self.mechanism = mechanism
+        self.motors = set(motors)
+        self.platform = platform
         self.parent = {joint.child: joint for joint in mechanism.joints}
         self.children: dict[str, list[Joint]] = defaultdict(list)
         for joint in mechanism.joints:
@@ -120,33 +128,37 @@ class _Sorter:
         )
 
     def _promote_branching_links(self) -> None:
-        """Make a massless link a (massless) body where more than one moving thing hangs on it or a loop ends on it."""
+        """Make a massless link a (massless) body where a chain of joints cannot pass through it."""
         for link in self.mechanism.links:
             name = link.name
             if name in self.bodies or self._rigid_to_parent(name):
                 continue
-            onward, closing = self._hanging(name)
-            if closing or len(onward) > 1:
+            onward, ends = self._hanging(name)
+            driven = name in self.parent and self.parent[name].name in self.motors
+            if ends or len(onward) > 1 or (driven and not onward):
                 self.bodies.add(name)
 
     def _rigid_to_parent(self, name: str) -> bool:
         return name in self.parent and self.parent[name].kind is JointKind.FIXED
 
     def _hanging(self, name: str) -> tuple[list[Joint], int]:
-        """Joints that lead on from a massless link and what is fixed to it, and the number of loops there."""
-        onward, closing = [], self.closing[name]
+        """Joints that lead on from a massless link and what is fixed to it, and how many ends (loops, platform)."""
+        onward, ends = [], self._ends(name)
         for joint in self.children[name]:
             if joint.kind is JointKind.FIXED and joint.child not in self.bodies:
                 further, more = self._hanging(joint.child)
                 onward += further
-                closing += more
+                ends += more
             elif self._leads_on(joint):
                 onward.append(joint)
-        return onward, closing
+        return onward, ends
+
+    def _ends(self, name: str) -> int:
+        return self.closing[name] + (name == self.platform)
 
     def _leads_on(self, joint: Joint) -> bool:
-        """Whether a body, a loop or a motor is on the far side: anything else is an ornament."""
-        if joint.child in self.bodies or joint.independent or self.closing[joint.child]:
+        """Whether a body, a loop, a motor or the platform is on the far side: anything else is an ornament."""
+        if joint.child in self.bodies or joint.name in self.motors or self._ends(joint.child):
             return True
         return any(self._leads_on(below) for below in self.children[joint.child])
 
