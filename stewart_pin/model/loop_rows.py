@@ -57,8 +57,9 @@ def closure_rows(loop: Loop) -> tuple[Row, ...]:
         2 point on line, 1 distance, 6 fixed. Angle rows are the small-angle rotation about `a`, `b`, `c` in order.
     """
     a, b, c = orthonormal_triad(loop.axis)
-    # u1 · R u2 with R ≈ 1 + [φ]×:  (c, b) gives φ·a,  (a, c) gives φ·b,  (b, a) gives φ·c.
-    turn_a, turn_b, turn_c = AngleRow(c, b), AngleRow(a, c), AngleRow(b, a)
+    # u1 · R u2 with R ≈ 1 + [φ]×:  (c, b) gives φ·a,  (-c, a) gives φ·b,  (b, a) gives φ·c. The last two share u2 = a,
+    # so that R a = ±a follows however large R is; (a, c) in place of (-c, a) would let the axes part.
+    turn_a, turn_b, turn_c = AngleRow(c, b), AngleRow(-c, a), AngleRow(b, a)
     point = tuple(NormalRow(n) for n in np.eye(3))
     across = (NormalRow(b), NormalRow(c))
     match loop.kind:
