@@ -16,8 +16,15 @@ import pinocchio as pin
 from stewart_pin.checks import as_array
 from stewart_pin.errors import SingularityError
 from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.model.description import JointKind
+from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.model.loop_table import LoopTable
 from stewart_pin.typing import ArrayLike, FloatArray
+
+_HELD = (JointKind.FIXED, JointKind.PRISMATIC)
+"""Loops that hold all directions of frames 1 and 2 together."""
+_ALIGNED = (*_HELD, JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.PLANAR)
+"""Loops that hold at least their axes together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +152,33 @@ def gap_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
     gap[table.angle.index] = np.einsum("ri,ri->r", table.angle.vector1, _turned(table, at))
     gap[table.rod.index] = np.linalg.norm(at.translation[table.rod.loop], axis=1) - table.rod.length
     return gap
+
+
+def flipped_loop(chain: ClosedChain, data: pin.Data) -> str | None:
+    """Find a loop whose rows vanish although it is not assembled: directions that should agree are opposed.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    data
+        Scratch that holds the joint placements.
+
+    Returns
+    -------
+    str or None
+        Name of the first such loop.
+    """
+    table = chain.loop_table
+    rotation = None
+    for k, loop in enumerate(chain.loops):
+        if loop.kind in _ALIGNED:
+            rotation = _placements(table, data).rotation if rotation is None else rotation
+            axes = np.stack(orthonormal_triad(loop.axis))
+            agreement = np.einsum("ai,ij,aj->a", axes, rotation[k], axes)
+            if (agreement if loop.kind in _HELD else agreement[:1]).min() < 0:
+                return loop.name
+    return None
 
 
 def jacobian_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.checks import as_positive
-from stewart_pin.closure.equations import gap_from_data, jacobian_from_data, row_sizes
+from stewart_pin.closure.equations import flipped_loop, gap_from_data, jacobian_from_data, row_sizes
 from stewart_pin.errors import ClosureError, InputError
 from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
@@ -61,13 +61,16 @@ class Closure:
     iterations
         Newton steps taken.
     success
-        Whether the gap is at round-off, and joint limits hold where they were asked for.
+        Whether the gap is at round-off, every loop is assembled, and joint limits hold where they were asked for.
+    flipped
+        A loop whose rows vanish, but with its axes against each other, if there is one.
     """
 
     q: Configuration
     gap: float
     iterations: int
     success: bool
+    flipped: str | None = None
 
     def or_raise(self, demand: str) -> Closure:
         """Return the closure, or raise what kept it from success.
@@ -89,9 +92,14 @@ class Closure:
         """
         if self.success:
             return self
+        reached = (
+            f"loop '{self.flipped}' closes only with its axes against each other"
+            if self.flipped
+            else f"the residual is {self.gap:.3g} [m or rad]"
+        )
         raise ClosureError(
-            f"{demand} cannot be met from this guess: the residual is {self.gap:.3g} [m or rad] after "
-            f"{self.iterations} steps; start nearer, or ask for a pose within reach",
+            f"{demand} cannot be met from this guess: {reached} after {self.iterations} steps; "
+            "start nearer, or ask for a pose within reach",
             residual=self.gap,
             iterations=self.iterations,
             q=self.q,
@@ -229,7 +237,10 @@ def solve(
         else:
             damping = max(10 * damping, 1e-6)
     gap = float(np.abs(residual * system.sizes).max(initial=0.0))
-    return Closure(q=q, gap=gap, iterations=iterations, success=worst <= tolerance)
+    pin.forwardKinematics(model, data, q)
+    closed = worst <= tolerance
+    flipped = flipped_loop(chain, data) if closed else None
+    return Closure(q, gap, iterations, success=closed and flipped is None, flipped=flipped)
 
 
 def _least_norm_step(residual: FloatArray, jacobian: FloatArray, damping: float) -> FloatArray:

@@ -16,7 +16,13 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.checks import as_array
-from stewart_pin.closure.equations import bias_from_data, gap_from_data, jacobian_from_data, row_sizes
+from stewart_pin.closure.equations import (
+    bias_from_data,
+    flipped_loop,
+    gap_from_data,
+    jacobian_from_data,
+    row_sizes,
+)
 from stewart_pin.closure.newton import RANK
 from stewart_pin.closure.pinocchio_constraints import constraint_models, reactions_from_pinocchio
 from stewart_pin.errors import (
@@ -237,6 +243,9 @@ def _closed_state(chain: ClosedChain, q: ArrayLike, v: ArrayLike) -> _Closed:
     pin.forwardKinematics(chain.model, data, q, v, np.zeros(chain.nv))
     gap, jacobian = gap_from_data(chain, data), jacobian_from_data(chain, data)
     _require_small(chain, gap, np.zeros(chain.nv), "q", "close_loops")
+    flipped = flipped_loop(chain, data)
+    if flipped is not None:
+        raise InputError(f"q holds loop '{flipped}' with its axes against each other; see close_loops")
     _require_small(chain, jacobian @ v, v, "v", "platform_motion")
     return _Closed(q=q, v=v, jacobian=jacobian, bias=bias_from_data(chain, data))
 
