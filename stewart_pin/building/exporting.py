@@ -33,8 +33,8 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> No
     path
         File to create or overwrite.
     format
-        ``"urdf+"``, or ``"mjcf"`` for MuJoCo, whose loops are soft constraints: only mass matrix and bias of its tree
-        are those of the rigid mechanism.
+        ``"urdf+"``, or ``"mjcf"`` for MuJoCo, whose loops are soft constraints: mass matrix and bias of its tree are
+        exact, its accelerations are not.
 
     Raises
     ------
