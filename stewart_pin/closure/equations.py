@@ -198,7 +198,8 @@ def jacobian_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
     """
     table = chain.loop_table
     at = _placements(table, data)
-    linear, angular = data.J[:3], data.J[3:]
+    # Pinocchio hands a matrix of one column over as a vector.
+    linear, angular = data.J.reshape(6, -1)[:3], data.J.reshape(6, -1)[3:]
     # Columns that move both frames or neither cancel: `difference` is the support of 2 less that of 1.
     at_origin2 = linear[None] - np.cross(at.origin2[:, :, None], angular[None], axis=1)
     to_frame1 = np.swapaxes(at.world1, 1, 2)

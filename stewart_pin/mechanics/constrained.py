@@ -279,7 +279,7 @@ def _let_idle_go(
 
 
 def _joint_space_inertia(chain: ClosedChain, data: pin.Data, q: Configuration) -> FloatArray:
-    upper = np.triu(pin.crba(chain.model, data, q))
+    upper = np.triu(np.reshape(pin.crba(chain.model, data, q), (chain.nv, chain.nv)))
     return upper + np.triu(upper, 1).T
 
 

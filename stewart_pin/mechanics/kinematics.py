@@ -286,7 +286,9 @@ def platform_bias(chain: ClosedChain, q: Configuration, v: Tangent) -> FloatArra
 
 
 def _platform_jacobian(chain: ClosedChain, data: pin.Data) -> FloatArray:
-    return pin.getFrameJacobian(chain.model, data, chain.platform_id, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    # Pinocchio hands a matrix of one column over as a vector.
+    return pin.getFrameJacobian(chain.model, data, chain.platform_id, axes).reshape(6, -1)
 
 
 def _with_pose(chain: ClosedChain, target: pin.SE3) -> System:
