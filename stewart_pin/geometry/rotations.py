@@ -48,11 +48,16 @@ def rpy_from_rotation(rotation: ArrayLike) -> FloatArray:
     Returns
     -------
     numpy.ndarray
-        (..., 3) roll, pitch, yaw with pitch in [-π/2, π/2] [rad].
+        (..., 3) roll, pitch, yaw with pitch in [-π/2, π/2] [rad]. At ±π/2 only yaw -+ roll is determined.
     """
-    rotation = as_rotation("rotation", rotation)
-    flat = Rotation.from_matrix(rotation.reshape(-1, 3, 3)).as_euler("ZYX")
-    return flat[:, ::-1].reshape(*rotation.shape[:-2], 3)
+    r = as_rotation("rotation", rotation)
+    # Roll is measured after yaw is taken out, so that the three give back the rotation at gimbal lock too, where the
+    # two entries that define yaw are noise.
+    yaw = np.arctan2(r[..., 1, 0], r[..., 0, 0])
+    c, s = np.cos(yaw), np.sin(yaw)
+    pitch = np.arctan2(-r[..., 2, 0], c * r[..., 0, 0] + s * r[..., 1, 0])
+    roll = np.arctan2(s * r[..., 0, 2] - c * r[..., 1, 2], c * r[..., 1, 1] - s * r[..., 0, 1])
+    return np.stack([roll, pitch, yaw], axis=-1)
 
 
 def skew(vector: FloatArray) -> FloatArray:
