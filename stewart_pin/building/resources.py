@@ -5,8 +5,10 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from stewart_pin.errors import FileMissingError
+from stewart_pin.errors import FileMissingError, InputError
 
+_LONGEST_NAME = 200
+"""Characters of a name that a message repeats."""
 _PACKAGE = Path(__file__).resolve().parent.parent
 
 
@@ -60,16 +62,29 @@ def find_robot(name_or_path: str | Path) -> Path:
 
     Raises
     ------
+    InputError
+        If it is neither text nor a path.
     FileMissingError
         If there is neither a bundled robot nor a file of that name.
     """
+    if not isinstance(name_or_path, str | Path):
+        raise InputError(
+            f"name_or_path must be a robot's name or a file's path, got {type(name_or_path).__name__}"
+        )
+    if name_or_path in robots():
+        return urdf_root() / name_or_path / f"{name_or_path}.urdf"
     path = Path(name_or_path)
-    if path.is_file():
+    try:
+        found, is_folder = path.is_file(), path.is_dir()
+    except OSError:  # a name longer than the file system allows, such as the text of a file
+        found = is_folder = False
+    if found:
         return path
-    if str(name_or_path) in robots():
-        return urdf_root() / str(name_or_path) / f"{name_or_path}.urdf"
+    shown = str(name_or_path)
     raise FileMissingError(
-        f"no such file, and no bundled robot of that name; the bundled robots are: {', '.join(robots())}",
-        path=str(name_or_path),
-        culprit=str(name_or_path),
+        "this is a folder; pass the file inside"
+        if is_folder
+        else f"no such file, and no bundled robot of that name; the bundled robots are: {', '.join(robots())}",
+        path=shown if len(shown) <= _LONGEST_NAME else shown[:_LONGEST_NAME] + "...",
+        culprit=shown,
     )

@@ -11,9 +11,10 @@ import pinocchio as pin
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.rotations import as_rotation
-from stewart_pin.model.description import Loop, Mechanism
+from stewart_pin.model.description import Loop, Mechanism, Report
 from stewart_pin.model.leg_points import leg_points
 from stewart_pin.model.loop_table import LoopTable, build_loop_table
+from stewart_pin.model.tree import link_frame
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 _UNIT_QUATERNION = 1e-6
@@ -60,6 +61,11 @@ class ClosedChain:
         return self.mechanism.loops
 
     @property
+    def report(self) -> Report:
+        """What the file held and the chain does not; print it."""
+        return Report(self.mechanism.notes)
+
+    @property
     def nq(self) -> int:
         """Size of the configuration."""
         return self.model.nq
@@ -104,7 +110,7 @@ class ClosedChain:
     @cached_property
     def platform_id(self) -> int:
         """Pinocchio frame id of the platform."""
-        return self.model.getFrameId(self.platform)
+        return link_frame(self.model, self.platform)
 
     @cached_property
     def tangent_names(self) -> tuple[str, ...]:
@@ -123,7 +129,8 @@ class ClosedChain:
         placements = [joint.placement for joint in self.mechanism.joints]
         for loop in self.loops:
             placements += [loop.placement1, loop.placement2]
-        size = max((float(np.linalg.norm(placement.translation)) for placement in placements), default=0.0)
+        lengths = [float(np.linalg.norm(placement.translation)) for placement in placements]
+        size = max([*lengths, *(loop.length for loop in self.loops)], default=0.0)
         return size if size > 0 else 1.0
 
     @cached_property
@@ -141,13 +148,21 @@ class ClosedChain:
     def described(self) -> Mechanism:
         """Return the description with this chain's own motors, platform and home written into it.
 
+        The motors stand in their order, each where the description had one of them.
+
         Returns
         -------
         Mechanism
             What a writer needs.
         """
+        in_order = iter([self.mechanism.joint(name) for name in self.motors])
         motors = set(self.motors)
-        joints = tuple(replace(joint, independent=joint.name in motors) for joint in self.mechanism.joints)
+        joints = tuple(
+            replace(next(in_order), independent=True)
+            if joint.name in motors
+            else replace(joint, independent=False)
+            for joint in self.mechanism.joints
+        )
         home: dict[str, FloatArray] = {}
         for name, joint in zip(self.model.names[1:], self.model.joints[1:], strict=True):
             home[name] = self.q_home[joint.idx_q : joint.idx_q + joint.nq]

@@ -45,6 +45,9 @@ TREE_KINDS = (
 LOOP_KINDS = tuple(kind for kind in JointKind if kind is not JointKind.FLOATING)
 """Kinds that the closure of a loop may have."""
 
+AXIS_FREE_LOOPS = (JointKind.FIXED, JointKind.SPHERICAL, JointKind.DISTANCE)
+"""Kinds of loops whose meaning does not depend on an axis."""
+
 
 @dataclass(frozen=True, eq=False)
 class Link:
@@ -122,7 +125,7 @@ class Loop:
         (3,) unit vector of the free axis, or of the plane's normal, in frame 1; for kinds that share it, in frame 2
         as well. A universal joint turns about `axis` of frame 1 and `axis2` of frame 2.
     axis2
-        (3,) second axis of a universal joint, in frame 2.
+        (3,) second axis of a universal joint, in frame 2, a unit vector.
     length
         Distance kept between the frame origins by a `DISTANCE` loop [m].
     """
@@ -152,6 +155,30 @@ class Note:
 
     subject: str
     text: str
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a reader found in a file and did not turn into the mechanism; print it.
+
+    Attributes
+    ----------
+    notes
+        One note per finding, in the order of the file.
+    """
+
+    notes: tuple[Note, ...] = ()
+
+    def __str__(self) -> str:
+        """Group equal findings, one line each."""
+        subjects: dict[str, list[str]] = {}
+        for note in self.notes:
+            subjects.setdefault(note.text, []).append(note.subject)
+        lines = [
+            f"{text} ({', '.join(owners[:3])}{f' and {len(owners) - 3} more' if len(owners) > 3 else ''})"
+            for text, owners in subjects.items()
+        ]
+        return "\n".join(lines) or "nothing was ignored"
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from stewart_pin.model.description import Mechanism
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows
+from stewart_pin.model.tree import link_frame
 from stewart_pin.typing import FloatArray
 
 
@@ -97,7 +98,7 @@ def build_loop_table(mechanism: Mechanism, model: pin.Model) -> LoopTable:
     groups: dict[type, list[tuple[int, int, object]]] = {NormalRow: [], AngleRow: [], LengthRow: []}
     for number, loop in enumerate(mechanism.loops):
         for side, link, placement in ((0, loop.link1, loop.placement1), (1, loop.link2, loop.placement2)):
-            frame = model.frames[model.getFrameId(link)]
+            frame = model.frames[link_frame(model, link)]
             ends[side].append((frame.parentJoint, frame.placement * placement))
         rows = closure_rows(loop)
         start = len(names)

@@ -1,7 +1,7 @@
 """From a description to the Pinocchio model of its spanning tree.
 
 Joints are visited depth-first, the children of a link in the alphabetical order of their joints: the order of
-`pinocchio.buildModelFromURDF`, so that configurations can be exchanged with it. Unlike there, every revolute joint
+`pinocchio.buildModelFromUrdf`, so that configurations can be exchanged with it. Unlike there, every revolute joint
 has one coordinate (a `continuous` joint is a revolute joint without limits).
 """
 
@@ -56,6 +56,24 @@ def build_tree(mechanism: Mechanism, gravity: ArrayLike) -> pin.Model:
         frame = _add_body(model, joint.child, carrier, placement, frame, inertias[joint.child])
         stack += [(below, carrier, placement, frame) for below in reversed(children[joint.child])]
     return model
+
+
+def link_frame(model: pin.Model, link: str) -> int:
+    """Find the frame of a link.
+
+    Parameters
+    ----------
+    model
+        Model from `build_tree`.
+    link
+        Name of the link, which a joint may share.
+
+    Returns
+    -------
+    int
+        Pinocchio frame id.
+    """
+    return model.getFrameId(link, pin.FrameType.BODY)
 
 
 def _add_body(

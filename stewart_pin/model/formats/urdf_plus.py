@@ -11,7 +11,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -19,8 +19,18 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.geometry.rotations import rotation_from_rpy, rpy_from_rotation
-from stewart_pin.model.description import LOOP_KINDS, Joint, JointKind, Link, Loop, Mechanism, Note
-from stewart_pin.model.formats.xml import ElementReader, number_text, read_xml
+from stewart_pin.model.description import (
+    AXIS_FREE_LOOPS,
+    LOOP_KINDS,
+    Joint,
+    JointKind,
+    Link,
+    Loop,
+    Mechanism,
+    Note,
+)
+from stewart_pin.model.formats.foreign_tags import reason_to_ignore
+from stewart_pin.model.formats.xml import UNLIMITED, ElementReader, number_text, read_xml, shown_tag
 from stewart_pin.typing import FloatArray
 
 _JOINT_TYPES = {
@@ -32,20 +42,10 @@ _JOINT_TYPES = {
     "spherical": JointKind.SPHERICAL,
     "ball": JointKind.SPHERICAL,
 }
-_KNOWN = {"link", "joint", "loop", "group_state"}
-_IGNORED = {
-    "material": "colours are for viewers",
-    "transmission": "motors are the joints marked independent",
-    "gazebo": "simulator settings",
-    "sensor": "sensors",
-    "mujoco": "simulator settings",
-    "group": "semantic groups",
-    "disable_collisions": "collision settings",
-}
-_IGNORED_IN_LINK = {"visual": "for viewers", "collision": "collision shapes", "material": "for viewers"}
-_LOOP_WORDS = ("loop", "constraint", "closure", "closing", "coupling", "connect", "weld", "joint")
-DIALECTS = "URDF+ (<loop>)"
-"""Loop syntaxes that `load` understands."""
+_INERTIA = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+_NO_DIRECTION = 1e-12
+"""Length below which an axis has no direction."""
+_Z = np.array([0.0, 0.0, 1.0])
 
 
 def read_urdf(path: Path) -> Mechanism:
@@ -77,64 +77,45 @@ class _UrdfReader(ElementReader):
 
     def read(self) -> Mechanism:
         if self.root.tag != "robot":
-            raise self.error(f"the root element is <{self.root.tag}>, a URDF has <robot>", str(self.root.tag))
-        self._refuse_foreign_loops()
-        joints = tuple(self._joint(element) for element in self.root.findall("joint"))
+            raise self.error(f"the root element is <{shown_tag(self.root)}>, a URDF has <robot>", "<robot>")
+        self._note_strangers(
+            self.root,
+            "the file",
+            ("name", "version"),
+            ("link", "joint", "loop", "group_state", "end_effector"),
+        )
         links = tuple(self._link(element) for element in self.root.findall("link"))
         return Mechanism(
-            name=self.root.get("name", Path(self.path).stem),
+            name=self.root.get("name") or Path(self.path).stem,
             links=links,
-            joints=joints,
+            joints=tuple(self._joint(element) for element in self.root.findall("joint")),
             loops=tuple(self._loop(element) for element in self.root.findall("loop")),
-            platform=next((link.name for link in links if link.name == "platform"), None),
+            platform=self._platform(links),
             home=self._home(),
             source=self.path,
             notes=tuple(self.notes),
         )
 
-    def _refuse_foreign_loops(self) -> None:
-        """Stop at every tag that could close a loop and would otherwise be dropped; note the other strangers."""
-        strangers: dict[str, int] = {}
-        for element in self.root.iterchildren(etree.Element):
-            tag = str(element.tag).replace("{", "").replace("}", ":")
-            if tag in _KNOWN:
-                continue
-            local = tag.rsplit(":", 1)[-1].lower()
-            nested = element.find(".//joint") if tag == "gazebo" else None
-            if nested is not None or any(word in local for word in _LOOP_WORDS):
-                shown = "<gazebo><joint>" if nested is not None else f"<{tag}>"
-                raise self.error(
-                    f"{shown} (line {element.sourceline}) could close a loop, and is not understood; "
-                    f"supported: {DIALECTS}",
-                    shown,
-                )
-            strangers[tag] = strangers.get(tag, 0) + 1
-        for tag, count in strangers.items():
-            reason = _IGNORED.get(tag, "unknown tag")
-            self.notes.append(Note(f"<{tag}>", f"{count} ignored: {reason}"))
-
     def _link(self, element: etree._Element) -> Link:
         name = self.text(element, "name", "a <link>")
         owner = f"link '{name}'"
-        for child in element.iterchildren(etree.Element):
-            if child.tag != "inertial":
-                self._ignore(child, owner, _IGNORED_IN_LINK)
-        if element.find("inertial") is None:
+        self._note_strangers(element, owner, ("name", "type"), ("inertial",))
+        inertial = self.optional(element, "inertial", owner)
+        if inertial is None:
             return Link(name)
-        inertial = self.child(element, "inertial", owner)
-        mass = self.numbers(self.child(inertial, "mass", owner), "value", 1, owner)[0]
-        entries = self.child(inertial, "inertia", owner)
-        xx, xy, xz, yy, yz, zz = (
-            self.numbers(entries, key, 1, owner)[0] for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        )
+        self.only(inertial, owner, (), ("origin", "mass", "inertia"))
+        mass_element, entries = self.child(inertial, "mass", owner), self.child(inertial, "inertia", owner)
+        self.only(mass_element, owner, ("value",))
+        self.only(entries, owner, _INERTIA)
+        mass = float(self.numbers(mass_element, "value", 1, owner)[0])
+        matrix = np.empty((3, 3))
+        for key, (i, j) in _INERTIA.items():
+            matrix[i, j] = matrix[j, i] = self.numbers(entries, key, 1, owner)[0]
         placement = self._origin(inertial, owner)
-        turned = (
-            placement.rotation @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ placement.rotation.T
-        )
+        turned = placement.rotation @ matrix @ placement.rotation.T
         if mass == 0 and not turned.any():
-            self.notes.append(Note(owner, "has zero mass and inertia: no body"))
-            return Link(name)
-        return Link(name, pin.Inertia(float(mass), placement.translation, (turned + turned.T) / 2))
+            self._note(owner, "has an <inertial> of zero: a body without mass")
+        return Link(name, pin.Inertia(mass, placement.translation, (turned + turned.T) / 2))
 
     def _joint(self, element: etree._Element) -> Joint:
         name = self.text(element, "name", "a <joint>")
@@ -144,37 +125,47 @@ class _UrdfReader(ElementReader):
             raise self.error(
                 f"{owner} has the type '{written}'; supported: {', '.join(sorted(_JOINT_TYPES))}", owner
             )
-        for tag in ("mimic", "coupling"):
-            if element.find(tag) is not None:
-                raise self.error(f"{owner}: <{tag}> couples joints, and is not supported; remove it", owner)
+        self._note_strangers(
+            element, owner, ("name", "type", "independent"), ("parent", "child", "origin", "axis", "limit")
+        )
+        parent, child = self.child(element, "parent", owner), self.child(element, "child", owner)
+        for end in (parent, child):
+            self.only(end, owner, ("link",))
         kind = _JOINT_TYPES[written]
-        limit = element.find("limit")
-        bounded = limit is not None and kind in (JointKind.REVOLUTE, JointKind.PRISMATIC)
-        for child in element.iterchildren(etree.Element):
-            if child.tag not in ("parent", "child", "origin", "axis", "limit"):
-                self._ignore(
-                    child, owner, {"dynamics": "friction and damping are arguments of the simulation"}
-                )
-
-        def read(attribute: str, absent: float) -> float:
-            if not bounded or limit is None or attribute not in limit.attrib:
-                return absent
-            return float(self.numbers(limit, attribute, 1, owner)[0])
-
-        free = written == "continuous"
+        # Exporters write <axis xyz="0 0 0"> and limits into fixed joints; only one-freedom joints have them.
+        one_freedom = kind in (JointKind.REVOLUTE, JointKind.PRISMATIC)
         return Joint(
             name=name,
             kind=kind,
-            parent=self.text(self.child(element, "parent", owner), "link", owner),
-            child=self.text(self.child(element, "child", owner), "link", owner),
+            parent=self.text(parent, "link", owner),
+            child=self.text(child, "link", owner),
             placement=self._origin(element, owner),
-            axis=self._axis(element, owner, "axis", "1 0 0"),
-            lower=-np.inf if free else read("lower", -np.inf),
-            upper=np.inf if free else read("upper", np.inf),
-            effort=read("effort", np.inf),
-            velocity=read("velocity", np.inf),
+            axis=self._axis(element, owner, "axis", "1 0 0") if one_freedom else _Z,
             independent=self._flag(element, "independent", owner),
+            **(self._limits(element, owner, written) if one_freedom else {}),
         )
+
+    def _limits(self, joint: etree._Element, owner: str, written: str) -> dict[str, float]:
+        """Read the limits of a one-freedom joint; what is absent is unlimited."""
+        element = self.optional(joint, "limit", owner)
+        if element is None:
+            return {}
+        self._note_strangers(element, owner, ("lower", "upper", "effort", "velocity"))
+        limits = {
+            str(key): float(self.numbers(element, str(key), 1, owner)[0])
+            for key in ("lower", "upper", "effort", "velocity")
+            if key in element.attrib
+        }
+        range_given = limits.keys() & {"lower", "upper"}
+        if written == "continuous" and range_given:
+            self._note(owner, "<limit lower, upper> ignored: the joint is continuous")
+            limits = {key: value for key, value in limits.items() if key not in range_given}
+        elif written != "continuous" and len(range_given) < 2:
+            self._note(owner, "<limit> without lower or upper: no such limit, where other readers assume 0")
+        return {
+            key: float(np.copysign(np.inf, value)) if abs(value) >= UNLIMITED else value
+            for key, value in limits.items()
+        }
 
     def _loop(self, element: etree._Element) -> Loop:
         name = self.text(element, "name", "a <loop>")
@@ -183,50 +174,81 @@ class _UrdfReader(ElementReader):
         written = {"continuous": "revolute", "ball": "spherical"}.get(written, written)
         if written not in list(LOOP_KINDS):
             raise self.error(f"{owner} has the type '{written}'; supported: {', '.join(LOOP_KINDS)}", owner)
+        kind = JointKind(written)
+        parts = {JointKind.UNIVERSAL: ("axis", "axis2"), JointKind.DISTANCE: ("length",)}.get(kind, ("axis",))
+        self.only(element, owner, ("name", "type"), ("predecessor", "successor", *parts))
         ends = [self.child(element, tag, owner) for tag in ("predecessor", "successor")]
-        length = element.find("length")
-        for child in element.iterchildren(etree.Element):
-            if child.tag not in ("predecessor", "successor", "axis", "axis2", "length"):
-                raise self.error(f"{owner}: <{child.tag}> is not understood", owner)
+        for end in ends:
+            self.only(end, owner, ("link",), ("origin",))
+        length = 0.0
+        if kind is JointKind.DISTANCE:
+            rod = self.child(element, "length", owner)
+            self.only(rod, owner, ("value",))
+            length = float(self.numbers(rod, "value", 1, owner)[0])
+        # An axis guessed for a loop would be another mechanism.
+        default = "0 0 1" if kind in AXIS_FREE_LOOPS else ""
         return Loop(
             name=name,
-            kind=JointKind(written),
+            kind=kind,
             link1=self.text(ends[0], "link", owner),
             link2=self.text(ends[1], "link", owner),
             placement1=self._origin(ends[0], owner),
             placement2=self._origin(ends[1], owner),
-            axis=self._axis(element, owner, "axis", "0 0 1"),
-            axis2=self._axis(element, owner, "axis2", "0 1 0"),
-            length=0.0 if length is None else float(self.numbers(length, "value", 1, owner)[0]),
+            axis=self._axis(element, owner, "axis", default),
+            axis2=self._axis(element, owner, "axis2", "0 1 0" if kind is not JointKind.UNIVERSAL else ""),
+            length=length,
         )
 
+    def _platform(self, links: tuple[Link, ...]) -> str | None:
+        found: list[str] = []
+        for element in self.root.findall("end_effector"):
+            if element.get("name") == "platform":
+                found.append(self.text(element, "parent_link", "end_effector 'platform'"))
+            else:
+                self._note_ignored(element, "the file")
+        if len(found) > 1:
+            raise self.error(f"{len(found)} <end_effector name='platform'>; keep one", "end_effector")
+        found += [link.name for link in links if link.name == "platform"]
+        return found[0] if found else None
+
     def _home(self) -> Mapping[str, FloatArray]:
+        home: dict[str, FloatArray] = {}
         states = [element for element in self.root.findall("group_state") if element.get("name") == "home"]
+        for element in self.root.findall("group_state"):
+            if element not in states:
+                self._note_ignored(element, "the file")
         if len(states) > 1:
             raise self.error(f"{len(states)} <group_state name='home'>; keep one", "home")
-        if not states:
-            return {}
-        home: dict[str, FloatArray] = {}
-        for element in states[0].findall("joint"):
-            name = self.text(element, "name", "group_state 'home'")
-            owner = f"joint '{name}' of group_state 'home'"
-            home[name] = self.parse(self.text(element, "value", owner), None, owner, owner)
+        for state in states:
+            self.only(state, "group_state 'home'", ("name", "group"), ("joint",))
+            for element in state:
+                name = self.text(element, "name", "group_state 'home'")
+                owner = f"joint '{name}' of group_state 'home'"
+                if name in home:
+                    raise self.error(f"{owner} stands there twice; keep one", owner)
+                self.only(element, owner, ("name", "value"))
+                home[name] = self.parse(self.text(element, "value", owner), None, owner, owner)
         return home
 
     def _origin(self, element: etree._Element, owner: str) -> pin.SE3:
-        origin = element.find("origin")
+        origin = self.optional(element, "origin", owner)
         if origin is None:
             return pin.SE3.Identity()
+        self.only(origin, owner, ("xyz", "rpy"))
         xyz = self.numbers(origin, "xyz", 3, owner, default="0 0 0")
         return pin.SE3(rotation_from_rpy(*self.numbers(origin, "rpy", 3, owner, default="0 0 0")), xyz)
 
     def _axis(self, element: etree._Element, owner: str, tag: str, default: str) -> FloatArray:
-        axis = element.find(tag)
-        values = self.parse(default, 3, owner, owner) if axis is None else self.numbers(axis, "xyz", 3, owner)
+        axis = self.optional(element, tag, owner) if default else self.child(element, tag, owner)
+        if axis is None:
+            return self.parse(default, 3, owner, owner)
+        self.only(axis, owner, ("xyz",))
+        values = self.numbers(axis, "xyz", 3, owner)
         size = np.linalg.norm(values)
-        if size < 1e-12:
+        if size < _NO_DIRECTION:
             raise self.error(f"{owner} has an <{tag}> of length zero; give a direction", owner)
-        return values / size
+        # A vector that is of unit length to the last digit keeps its digits, so that files survive being rewritten.
+        return values if abs(size - 1) < 1e-15 else values / size
 
     def _flag(self, element: etree._Element, attribute: str, owner: str) -> bool:
         value = element.get(attribute, "false")
@@ -234,8 +256,24 @@ class _UrdfReader(ElementReader):
             raise self.error(f"{owner}: {attribute} must be 'true' or 'false', got {value!r}", owner)
         return value == "true"
 
-    def _ignore(self, child: etree._Element, owner: str, reasons: Mapping[str, str]) -> None:
-        self.notes.append(Note(owner, f"<{child.tag}> ignored: {reasons.get(str(child.tag), 'unknown tag')}"))
+    def _note(self, owner: str, text: str) -> None:
+        self.notes.append(Note(owner, text))
+
+    def _note_ignored(self, element: etree._Element, owner: str) -> None:
+        named = f" name='{element.get('name')}'" if element.get("name") and owner == "the file" else ""
+        reason = reason_to_ignore(self, element, owner)
+        self._note(owner, f"<{shown_tag(element)}{named}> ignored: {reason}")
+
+    def _note_strangers(
+        self, element: etree._Element, owner: str, attributes: Collection[str], tags: Collection[str] = ()
+    ) -> None:
+        """Note attributes and children that are not read, and stop at those that could change the mechanism."""
+        for name in element.attrib:
+            if name not in attributes:
+                self._note(owner, f"attribute '{name}' of <{element.tag}> ignored: unknown")
+        for child in element.iterchildren(etree.Element):
+            if child.tag not in tags:
+                self._note_ignored(child, owner)
 
 
 def write_urdf_file(mechanism: Mechanism, path: Path) -> None:
@@ -255,6 +293,8 @@ def write_urdf_file(mechanism: Mechanism, path: Path) -> None:
         _write_joint(robot, joint)
     for loop in mechanism.loops:
         _write_loop(robot, loop)
+    if mechanism.platform not in (None, "platform"):
+        etree.SubElement(robot, "end_effector", name="platform", parent_link=mechanism.platform, group="all")
     if mechanism.home:
         state = etree.SubElement(robot, "group_state", name="home", group="all")
         for name, values in mechanism.home.items():
@@ -270,8 +310,7 @@ def _write_link(robot: etree._Element, link: Link) -> None:
     _write_origin(inertial, pin.SE3(np.eye(3), link.inertia.lever))
     etree.SubElement(inertial, "mass", value=number_text([link.inertia.mass]))
     matrix = link.inertia.inertia
-    names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    etree.SubElement(inertial, "inertia", {key: number_text([matrix[at]]) for key, at in names.items()})
+    etree.SubElement(inertial, "inertia", {key: number_text([matrix[at]]) for key, at in _INERTIA.items()})
 
 
 def _write_joint(robot: etree._Element, joint: Joint) -> None:
@@ -287,11 +326,13 @@ def _write_joint(robot: etree._Element, joint: Joint) -> None:
     if not joint.has_axis:
         return
     etree.SubElement(element, "axis", xyz=number_text(joint.axis))
-    limits = {"lower": joint.lower, "upper": joint.upper, "effort": joint.effort, "velocity": joint.velocity}
-    finite = {key: number_text([value]) for key, value in limits.items() if np.isfinite(value)}
-    if finite:
-        # URDF readers require both of these.
-        etree.SubElement(element, "limit", {"effort": "1e30", "velocity": "1e30", **finite})
+    # URDF readers require effort and velocity, and take an absent lower or upper limit for 0.
+    limits = {"effort": joint.effort, "velocity": joint.velocity}
+    if not unlimited:
+        limits |= {"lower": joint.lower, "upper": joint.upper}
+    if not np.isinf(list(limits.values())).all() or not unlimited:
+        finite = {key: number_text([np.clip(value, -UNLIMITED, UNLIMITED)]) for key, value in limits.items()}
+        etree.SubElement(element, "limit", finite)
 
 
 def _write_loop(robot: etree._Element, loop: Loop) -> None:
@@ -301,7 +342,7 @@ def _write_loop(robot: etree._Element, loop: Loop) -> None:
         ("successor", loop.link2, loop.placement2),
     ):
         _write_origin(etree.SubElement(element, tag, link=link), placement)
-    if loop.kind not in (JointKind.SPHERICAL, JointKind.FIXED, JointKind.DISTANCE):
+    if loop.kind not in AXIS_FREE_LOOPS:
         etree.SubElement(element, "axis", xyz=number_text(loop.axis))
     if loop.kind is JointKind.UNIVERSAL:
         etree.SubElement(element, "axis2", xyz=number_text(loop.axis2))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import codecs
+import re
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +13,18 @@ from lxml import etree
 from stewart_pin.errors import FileFormatError, FileMissingError
 from stewart_pin.typing import FloatArray
 
+UNLIMITED = 1e30
+"""Largest number that a file may hold; as a limit it stands for none (URDF cannot write infinity)."""
+
+_CODECS = ("utf-8", "ascii", "iso8859-1", "cp1252")
+_DECLARED = re.compile(rb"\s*<\?xml\s[^>]*?encoding\s*=\s*[\"']([^\"']*)[\"']")
+
 
 def read_xml(path: Path) -> etree._Element:
     """Parse a file and return its root element.
+
+    Prefixes without a declared namespace are kept as part of the tag, as robot software does; the root's own default
+    namespace is taken off the tags.
 
     Parameters
     ----------
@@ -32,29 +43,80 @@ def read_xml(path: Path) -> etree._Element:
     FileFormatError
         If the file is not well-formed XML, or holds a document type declaration (the place for entities).
     """
-    if not path.is_file():
-        raise FileMissingError("no such file", path=str(path))
-    content = path.read_bytes()
-    # Refused before parsing: entities would be expanded inside attributes whatever the parser's options. UTF-16
-    # puts a zero byte between the letters; rarer encodings are caught afterwards, libxml2 bounds what they expand.
-    if b"<!DOCTYPE" in content.replace(b"\0", b"").upper():
-        raise _doctype_error(path)
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, remove_comments=True)
+    text = _read_text(path)
+    if not text.strip():
+        raise FileFormatError("the file is empty", path=str(path))
+    # Refused before parsing: entities would be expanded inside attributes whatever the parser's options.
+    if "<!DOCTYPE" in text.upper():
+        raise FileFormatError(
+            "a document type declaration (<!DOCTYPE) is refused, because entities can exhaust the memory; remove it",
+            path=str(path),
+            culprit="<!DOCTYPE",
+        )
+    # The parser gets exactly the text just searched: `encoding` overrules what the file declares.
+    parser = etree.XMLParser(
+        encoding="utf-8", recover=True, resolve_entities=False, no_network=True, load_dtd=False,
+        remove_comments=True, remove_pis=True,
+    )  # fmt: skip
     try:
-        root = etree.fromstring(content, parser)
+        root = etree.fromstring(text.encode(), parser)
     except etree.XMLSyntaxError as error:
         raise FileFormatError(f"not well-formed XML: {error}", path=str(path)) from None
-    if root.getroottree().docinfo.internalDTD is not None:
-        raise _doctype_error(path)
+    for fault in parser.error_log:
+        if (
+            fault.level >= etree.ErrorLevels.ERROR
+            and fault.type != etree.ErrorTypes.NS_ERR_UNDEFINED_NAMESPACE
+        ):
+            raise FileFormatError(f"not well-formed XML: {fault.message} (line {fault.line})", path=str(path))
+    if None in root.nsmap:
+        own = f"{{{root.nsmap[None]}}}"
+        for element in root.iter(etree.Element):
+            element.tag = str(element.tag).removeprefix(own)
     return root
 
 
-def _doctype_error(path: Path) -> FileFormatError:
-    return FileFormatError(
-        "a document type declaration (<!DOCTYPE) is refused, because entities can exhaust the memory; remove it",
-        path=str(path),
-        culprit="<!DOCTYPE",
-    )
+def _read_text(path: Path) -> str:
+    try:
+        content = path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        raise FileMissingError("no such file", path=str(path)) from None
+    except OSError as error:
+        raise FileFormatError(f"the file cannot be read: {error.strerror}", path=str(path)) from None
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        name = codec = "utf-16"
+    else:
+        content = content.removeprefix(codecs.BOM_UTF8)
+        declared = _DECLARED.match(content)
+        name = declared[1].decode("ascii", "replace") if declared else "utf-8"
+        try:
+            codec = codecs.lookup(name).name
+        except LookupError:
+            codec = ""
+        if codec not in _CODECS:
+            raise FileFormatError(f"the encoding {name!r} is refused; save the file as UTF-8", path=str(path))
+    try:
+        return content.decode(codec)
+    except UnicodeDecodeError as error:
+        raise FileFormatError(
+            f"not text in the encoding {name} (byte {error.start}); save the file as UTF-8", path=str(path)
+        ) from None
+
+
+def shown_tag(element: etree._Element) -> str:
+    """Print an element's tag as it stands in the file, with its prefix.
+
+    Parameters
+    ----------
+    element
+        The element.
+
+    Returns
+    -------
+    str
+        ``prefix:name`` or ``name``.
+    """
+    local = str(element.tag).rpartition("}")[2]
+    return f"{element.prefix}:{local}" if element.prefix else local
 
 
 def number_text(values: Iterable[float]) -> str:
@@ -70,7 +132,8 @@ def number_text(values: Iterable[float]) -> str:
     str
         The numbers, separated by blanks.
     """
-    return " ".join(repr(float(value) + 0.0).removesuffix(".0") for value in values)
+    # Some readers of XML do not know "e+30".
+    return " ".join(repr(float(value) + 0.0).removesuffix(".0").replace("e+", "e") for value in values)
 
 
 class ElementReader:
@@ -137,10 +200,59 @@ class ElementReader:
         lxml.etree._Element
             The child.
         """
+        found = self.optional(element, tag, owner)
+        if found is None:
+            raise self.error(f"{owner} (line {element.sourceline}) needs a <{tag}>", owner)
+        return found
+
+    def optional(self, element: etree._Element, tag: str, owner: str) -> etree._Element | None:
+        """Find a child element, of which there may be at most one.
+
+        Parameters
+        ----------
+        element
+            Where to look.
+        tag
+            Tag of the child.
+        owner
+            Named in the message.
+
+        Returns
+        -------
+        lxml.etree._Element or None
+            The child.
+        """
         found = element.findall(tag)
-        if len(found) != 1:
-            raise self.error(f"{owner} needs one <{tag}>, found {len(found)}", owner)
-        return found[0]
+        if len(found) > 1:
+            raise self.error(f"{owner} has {len(found)} <{tag}>; keep one", owner)
+        return found[0] if found else None
+
+    def only(
+        self, element: etree._Element, owner: str, attributes: Collection[str], tags: Collection[str] = ()
+    ) -> None:
+        """Refuse what an element should not hold: a number under a name that nobody reads changes the robot.
+
+        Parameters
+        ----------
+        element
+            Where to look.
+        owner
+            Named in the message.
+        attributes
+            Known attributes.
+        tags
+            Known children.
+        """
+        strangers = [f"attribute '{name}'" for name in element.attrib if name not in attributes]
+        strangers += [
+            f"<{shown_tag(child)}>" for child in element.iterchildren(etree.Element) if child.tag not in tags
+        ]
+        if strangers:
+            raise self.error(
+                f"{owner}: {strangers[0]} of <{element.tag}> (line {element.sourceline}) is not understood; "
+                f"it may have {', '.join([*attributes, *(f'<{tag}>' for tag in tags)])}",
+                owner,
+            )
 
     def numbers(
         self, element: etree._Element, attribute: str, n: int, owner: str, default: str = ""
@@ -188,11 +300,19 @@ class ElementReader:
             (n,) the numbers [unit of the attribute].
         """
         try:
-            values = np.array([float(word) for word in text.split()])
+            # Python's float also takes 1_000 and the digits of other scripts.
+            values = np.array(
+                [float(word if word.isascii() and "_" not in word else "") for word in text.split()]
+            )
         except ValueError:
-            raise self.error(f"{where} must hold numbers, got {text!r}", culprit) from None
+            raise self.error(f"{where} must hold numbers, got {_short(text)}", culprit) from None
         if values.size == 0 or (n is not None and values.size != n):
-            raise self.error(f"{where} must hold {n or 'some'} numbers, got {text!r}", culprit)
-        if not np.isfinite(values).all():
-            raise self.error(f"{where} must be finite, got {text!r}", culprit)
+            wanted = "numbers" if n is None else "one number" if n == 1 else f"{n} numbers"
+            raise self.error(f"{where} must hold {wanted}, got {_short(text)}", culprit)
+        if not (np.abs(values) <= UNLIMITED).all():
+            raise self.error(f"{where} must be finite, at most {UNLIMITED:g}; got {_short(text)}", culprit)
         return values
+
+
+def _short(text: str) -> str:
+    return repr(text if len(text) <= 60 else text[:57] + "...")

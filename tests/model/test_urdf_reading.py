@@ -1,0 +1,280 @@
+"""What a file says is read, or reported, or refused; nothing is dropped in silence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.errors import FileFormatError, MechanismError
+from stewart_pin.model.description import JointKind, Report
+from stewart_pin.model.formats.urdf_plus import read_urdf
+from tests.small_urdf import (
+    ARM,
+    AXIS_Z,
+    CLOSED,
+    FOUR_BAR,
+    INERTIAL,
+    MOTOR,
+    SQUARE,
+    bundled,
+    home,
+    joint,
+    link,
+    loop,
+    robot,
+    write,
+)
+
+
+def test_loops_axes_motors_and_home(tmp_path: Path) -> None:
+    swivel = loop(
+        "swivel",
+        "universal",
+        "platform",
+        "rocker",
+        origin1='xyz="1 2 3" rpy="0.1 0.2 0.3"',
+        content='<axis xyz="0 3 4"/><axis2 xyz="2 0 0"/>',
+    )
+    rod = loop("rod", "distance", "crank", "rocker", content='<length value="0.7"/>')
+    mechanism = read_urdf(write(tmp_path, robot(*FOUR_BAR, CLOSED, swivel, rod, home(**SQUARE))))
+    hinge, universal, distance = mechanism.loops
+    assert (hinge.name, hinge.kind, hinge.link1, hinge.link2) == (
+        "hinge", JointKind.REVOLUTE, "platform", "rocker",
+    )  # fmt: skip
+    np.testing.assert_array_equal(hinge.placement1.translation, [1, 0, 0])
+    np.testing.assert_allclose(universal.axis, [0, 0.6, 0.8], atol=1e-16)
+    np.testing.assert_array_equal(universal.axis2, [1, 0, 0])
+    assert universal.placement2.isIdentity()
+    assert (distance.kind, distance.length) == (JointKind.DISTANCE, 0.7)
+    assert [joint.name for joint in mechanism.joints if joint.independent] == ["crank_turn"]
+    assert mechanism.platform == "platform"
+    assert {name: float(value[0]) for name, value in mechanism.home.items()} == {
+        name: float(value) for name, value in SQUARE.items()
+    }
+    assert mechanism.notes == ()
+
+
+def test_types_have_synonyms(tmp_path: Path) -> None:
+    text = robot(
+        *FOUR_BAR,
+        loop("a", "ball", "platform", "rocker"),
+        loop("b", "continuous", "crank", "rocker", content=AXIS_Z),
+    )
+    kinds = [loop.kind for loop in read_urdf(write(tmp_path, text)).loops]
+    assert kinds == [JointKind.SPHERICAL, JointKind.REVOLUTE]
+
+
+def test_limits_of_round_1e30_stand_for_none(tmp_path: Path) -> None:
+    content = '<limit lower="-1" upper="1e30" effort="1e30" velocity="2"/>'
+    text = robot(link("base"), link("platform"), joint("a", "base", "platform", content=content))
+    (read,) = read_urdf(write(tmp_path, text)).joints
+    assert (read.lower, read.upper, read.effort, read.velocity) == (-1, np.inf, np.inf, 2)
+
+
+def test_a_fixed_joint_needs_no_sense_in_its_axis(tmp_path: Path) -> None:
+    # Exporters of CAD programs write this.
+    text = robot(*ARM, link("cover"), joint("glue", "arm", "cover", "fixed", axis='<axis xyz="0 0 0"/>'))
+    assert stp.load(write(tmp_path, text)).nv == 2
+
+
+def test_a_zero_inertial_is_a_body_without_mass(tmp_path: Path) -> None:
+    zero = INERTIAL.replace('"1"', '"0"')
+    chain = stp.load(write(tmp_path, robot(*ARM, link("dot", zero), joint("glue", "arm", "dot", "fixed"))))
+    assert chain.mechanism.link("dot").inertia is not None
+    assert "body without mass" in str(chain.report)
+
+
+def test_the_report_names_all_that_was_ignored(tmp_path: Path) -> None:
+    decorated = link("shell", f"{INERTIAL}<visual/><visual/><collision/><glow/>")
+    settings = '<dynamics damping="0.1"/><safety_controller k_velocity="1"/>'
+    text = robot(
+        *ARM,
+        decorated,
+        joint("glue", "arm", "shell", "fixed", content=settings, attributes='dont_collapse="true"'),
+        '<material name="red"/>',
+        '<transmission name="t"><joint name="shoulder"/></transmission>',
+        "<gazebo><plugin><joint>shoulder</joint></plugin></gazebo>",
+        '<mujoco><compiler boundmass="1"/></mujoco>',
+        '<group_state name="folded" group="all"/>',
+        '<end_effector name="gripper" parent_link="arm"/>',
+        "<banana/>",
+        attributes='version="1.0" colour="red"',
+    )
+    chain = stp.load(write(tmp_path, text))
+    assert isinstance(chain.report, Report) and chain.report.notes == chain.mechanism.notes
+    report = str(chain.report)
+    for word in (
+        "<visual> ignored: for viewers (link 'shell', link 'shell')", "<collision>", "<glow> ignored: unknown tag",
+        "<dynamics>", "<safety_controller>", "dont_collapse", "<material name='red'>", "<transmission name='t'>",
+        "<gazebo>", "<mujoco>", "folded", "gripper", "<banana>", "'colour'",
+    ):  # fmt: skip
+        assert word in report, report
+    assert "version" not in report
+    assert str(stp.load("stewart").report) == "nothing was ignored"
+
+
+def test_a_report_gathers_equal_findings(tmp_path: Path) -> None:
+    shells = [link(f"shell{k}", f"{INERTIAL}<visual/>") for k in range(5)]
+    glue = [joint(f"glue{k}", "arm", f"shell{k}", "fixed") for k in range(5)]
+    report = str(stp.load(write(tmp_path, robot(*ARM, *shells, *glue))).report)
+    assert report == "<visual> ignored: for viewers (link 'shell0', link 'shell1', link 'shell2' and 2 more)"
+
+
+def test_limits_that_other_readers_take_differently_are_reported(tmp_path: Path) -> None:
+    half = '<limit effort="1" velocity="1" lower="-1"/>'
+    spin = '<limit effort="1" velocity="1" lower="-1" upper="1"/>'
+    text = robot(
+        *ARM,
+        link("a"),
+        link("b"),
+        joint("half", "arm", "a", content=half),
+        joint("spin", "arm", "b", "continuous", content=spin),
+    )
+    chain = stp.load(write(tmp_path, text))
+    assert chain.mechanism.joint("half").upper == chain.mechanism.joint("spin").upper == np.inf
+    assert "where other readers assume 0 (joint 'half')" in str(chain.report)
+    assert "the joint is continuous (joint 'spin')" in str(chain.report)
+
+
+FOREIGN = {
+    "isaac": ('<loop_joint name="l" type="spherical"><link1 link="arm"/></loop_joint>', "<loop_joint>"),
+    "drake": ("<drake:ball_constraint/>", "<drake:ball_constraint>"),
+    "drake_joint": ('<drake:joint name="b" type="ball"/>', "<drake:joint>"),
+    "urdfdom": ('<constraint name="c" type="loop"/>', "<constraint>"),
+    "gazebo": ('<gazebo><joint name="j" type="ball"/></gazebo>', "<gazebo><joint>"),
+    "sdf": ("<gazebo><model><joint><child>arm</child></joint></model></gazebo>", "<gazebo><joint>"),
+    "plugin": ("<gazebo><plugin><mimicJoint>elbow</mimicJoint></plugin></gazebo>", "<gazebo><mimicJoint>"),
+    "mujoco": ("<mujoco><equality><connect/></equality></mujoco>", "<mujoco><equality>"),
+    "coupling": ('<coupling name="c" type="rolling"/>', "<coupling>"),
+    "in a link": (link("shell", loop("l", "spherical", "arm", "base")), "<loop>"),
+    "in a joint": (joint("j", "base", "arm", content='<mimic joint="elbow"/>'), "<mimic>"),
+    "link in link": (link("shell", link("inner")), "<link>"),
+}
+
+
+@pytest.mark.parametrize(("tag", "shown"), FOREIGN.values(), ids=FOREIGN)
+@pytest.mark.parametrize("declared", [True, False])
+def test_loops_in_another_dialect_are_refused(tmp_path: Path, tag: str, shown: str, declared: bool) -> None:
+    namespace = 'xmlns:drake="http://drake.mit.edu"' if declared else ""
+    with pytest.raises(FileFormatError, match=r"supported: URDF\+ \(<loop>\)") as caught:
+        stp.load(write(tmp_path, robot(*ARM, tag, attributes=namespace)))
+    assert shown in str(caught.value) and "small.urdf" in str(caught.value)
+    assert caught.value.culprit == shown
+
+
+@pytest.mark.parametrize(
+    ("tag", "remedy"),
+    [
+        ("<xacro:include filename='a'/>", "expand the file"),
+        ("<xi:include href='a'/>", "put the included text"),
+    ],
+)
+def test_files_that_are_not_whole_are_refused(tmp_path: Path, tag: str, remedy: str) -> None:
+    namespaces = 'xmlns:xacro="http://wiki.ros.org/xacro" xmlns:xi="http://www.w3.org/2001/XInclude"'
+    for attributes in (namespaces, ""):
+        with pytest.raises(FileFormatError, match=remedy):
+            stp.load(write(tmp_path, robot(*ARM, f"<gazebo>{tag}</gazebo>", attributes=attributes)))
+
+
+def test_a_default_namespace_changes_nothing(tmp_path: Path) -> None:
+    # Drake's older robot files carry one.
+    text = robot(*FOUR_BAR, CLOSED, home(**SQUARE), attributes='xmlns="http://drake.mit.edu"')
+    chain = stp.load(write(tmp_path, text))
+    assert (chain.nv, chain.nc, str(chain.report)) == (3, 5, "nothing was ignored")
+
+
+def test_two_parents_are_named_with_both_joints(tmp_path: Path) -> None:
+    text = robot(*FOUR_BAR, joint("hinge", "rocker", "platform"))
+    with pytest.raises(MechanismError, match="<loop>") as caught:
+        stp.load(write(tmp_path, text))
+    for name in ("'platform'", "'coupler_turn'", "'hinge'"):
+        assert name in str(caught.value)
+    assert caught.value.culprit == "platform"
+
+
+HINGE = '<predecessor link="arm"/><successor link="base"/>'
+MISTAKES = {
+    "type": (joint("j", "base", "arm", "screw"), "type 'screw'; supported: .*revolute"),
+    "no type": ('<joint name="j"><parent link="a"/><child link="b"/></joint>', "lacks 'type'"),
+    "no name": ("<link/>", "lacks 'name'"),
+    "empty name": ('<link name=""/>', "lacks 'name'"),
+    "no parent": ('<joint name="j" type="fixed"><child link="arm"/></joint>', "needs a <parent>"),
+    "two parents": (joint("j", "base", "arm", axis='<parent link="arm"/>'), "has 2 <parent>"),
+    "two origins": (joint("j", "base", "arm", origin='xyz="1 0 0"/><origin xyz="2 0 0"'), "has 2 <origin>"),
+    "quaternion": (joint("j", "base", "arm", origin='quat_xyzw="0 0 0 1"'), "attribute 'quat_xyzw'"),
+    "axis spelling": (joint("j", "base", "arm", axis='<axis xzy="0 0 1"/>'), "attribute 'xzy'"),
+    "zero axis": (joint("j", "base", "arm", axis='<axis xyz="0 0 0"/>'), "<axis> of length zero"),
+    "flag": (joint("j", "base", "arm", attributes='independent="yes"'), "'true' or 'false', got 'yes'"),
+    "mass missing": (link("l", "<inertial><inertia/></inertial>"), "needs a <mass>"),
+    "inertia entry": (link("l", INERTIAL.replace("ixy", "iyx")), "attribute 'iyx'"),
+    "two inertials": (link("l", INERTIAL * 2), "has 2 <inertial>"),
+    "loop type": (loop("l", "floating", "arm", "base"), "type 'floating'; supported: .*universal"),
+    "loop axis": (loop("l", "revolute", "arm", "base"), "loop 'l' .*needs a <axis>"),
+    "loop axis2": (loop("l", "universal", "arm", "base", content=AXIS_Z), "needs a <axis2>"),
+    "loop length": (loop("l", "distance", "arm", "base"), "needs a <length>"),
+    "loop child": (loop("l", "spherical", "arm", "base", content="<ratio/>"), "<ratio> of <loop>"),
+    "loop end": (f'<loop name="l" type="spherical">{HINGE}<origin xyz="1 0 0"/></loop>', "<origin> of <loop>"),
+    "loop attribute": (f'<loop name="l" type="spherical" axis="x">{HINGE}</loop>', "attribute 'axis' of <loop>"),
+    "two homes": (home() + home(), "2 <group_state name='home'>"),
+    "home value": (home(elbow="up"), "must hold numbers, got 'up'"),
+    "home twice": (home(elbow="1").replace("</g", '<joint name="elbow" value="2"/></g'), "stands there twice"),
+    "home child": ('<group_state name="home"><chain/></group_state>', "<chain> of <group_state>"),
+    "two platforms": ('<end_effector name="platform" parent_link="arm"/>' * 2, "2 <end_effector"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "words"), MISTAKES.values(), ids=MISTAKES)
+def test_mistakes_are_named(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(FileFormatError, match=words) as caught:
+        stp.load(write(tmp_path, robot(*ARM, text)))
+    assert caught.value.culprit and str(tmp_path) in caught.value.path
+
+
+NUMBERS = (
+    "",
+    " ",
+    "one",
+    "1,5",
+    "0x10",
+    "1_000",
+    "nan",
+    "inf",
+    "-inf",
+    "1e400",
+    "2e30",
+    "1 2",
+    "٣",
+    "${mass}",
+)
+
+
+@pytest.mark.parametrize("value", NUMBERS)
+def test_numbers_are_plain_finite_decimals(tmp_path: Path, value: str) -> None:
+    text = robot(*ARM, link("shell", INERTIAL.replace('mass value="1"', f'mass value="{value}"')))
+    with pytest.raises(FileFormatError, match=r"link 'shell': <mass"):
+        stp.load(write(tmp_path, text))
+
+
+def test_a_long_value_is_not_repeated_in_full(tmp_path: Path) -> None:
+    text = robot(*ARM, joint("j", "base", "arm", origin=f'xyz="{"9 " * 10000}"'))
+    with pytest.raises(FileFormatError, match="must hold 3 numbers") as caught:
+        stp.load(write(tmp_path, text))
+    assert len(str(caught.value)) < 400
+
+
+def test_another_link_may_be_the_platform(tmp_path: Path) -> None:
+    text = robot(*ARM, '<end_effector name="platform" parent_link="arm" group="all"/>')
+    chain = stp.load(write(tmp_path, text))
+    assert chain.platform == "arm" and str(chain.report) == "nothing was ignored"
+
+
+def test_the_bundled_files_hold_nothing_that_is_ignored() -> None:
+    assert all(read_urdf(bundled(name)).notes == () for name in stp.robots())
+
+
+def test_the_motors_are_named_when_none_is_marked(tmp_path: Path) -> None:
+    with pytest.raises(MechanismError, match="the candidates are: shoulder, elbow"):
+        stp.load(write(tmp_path, robot(*ARM).replace(MOTOR, "")))
