@@ -9,11 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import JointKind, Mechanism
+from stewart_pin.model.description import Joint, JointKind, Mechanism
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9
-"""Two joint axes meet when they pass this close to each other, relative to one metre [m]."""
+"""Axes and points that pass each other this close meet, relative to the mechanism's size: files print ten digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,13 +25,27 @@ class _Edge:
     other: str
     here: pin.SE3
     there: pin.SE3
+    axis: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Locus:
+    """Where the common point of the joints passed so far can be: a point, or anywhere on the axis of the only one.
+
+    `origin` and `axis` stand in the current link, `start` and `start_axis` in the link where the walk began.
+    """
+
+    origin: FloatArray
+    axis: FloatArray | None
+    start: FloatArray
+    start_axis: FloatArray | None
 
 
 def leg_points(mechanism: Mechanism, motors: Sequence[str], platform: str) -> tuple[FloatArray, FloatArray]:
     """Find both ends of the leg that each motor drives.
 
-    A leg is a prismatic motor between a joint that turns about one point of the ground and a joint that turns about
-    one point of the platform; wherever the file cut the loop.
+    A leg is a prismatic motor between joints that turn about one point of the ground and joints that turn about one
+    point of the platform, and slides along the line between the points; wherever the file cut the loop.
 
     Parameters
     ----------
@@ -54,62 +68,117 @@ def leg_points(mechanism: Mechanism, motors: Sequence[str], platform: str) -> tu
     UnsupportedError
         If a motor does not drive such a leg.
     """
-    edges = _edges(mechanism)
-    ends = {mechanism.root: [], platform: []}
-    for motor in motors:
-        joint = mechanism.joint(motor)
-        if joint.kind is not JointKind.PRISMATIC:
-            raise _no_leg(motor, f"it is {joint.kind}, not prismatic")
-        found = [_follow(edges, motor, start, other, set(ends)) for start, other in _both_ways(joint)]
-        reached = dict(found)
-        if set(reached) != set(ends):
-            raise _no_leg(motor, f"it does not lead from link '{mechanism.root}' to link '{platform}'")
-        for link, point in reached.items():
-            ends[link].append(point)
-    return np.array(ends[mechanism.root]).reshape(-1, 3), np.array(ends[platform]).reshape(-1, 3)
+    walker = _Walker(mechanism, platform)
+    legs = [walker.leg(mechanism.joint(motor)) for motor in motors]
+    base, top = ([leg[link] for leg in legs] for link in (mechanism.root, platform))
+    return np.array(base).reshape(-1, 3), np.array(top).reshape(-1, 3)
 
 
-def _both_ways(joint) -> tuple[tuple[str, str], tuple[str, str]]:
-    return (joint.parent, joint.child), (joint.child, joint.parent)
+class _Walker:
+    def __init__(self, mechanism: Mechanism, platform: str) -> None:
+        self.ends = (mechanism.root, platform)
+        self.edges = _edges(mechanism)
+        reach = [np.linalg.norm(edge.here.translation) for edges in self.edges.values() for edge in edges]
+        self.tolerance = _ROUND_OFF * max(reach, default=1.0)
+        self._drop_dead_ends()
+
+    def leg(self, motor: Joint) -> dict[str, FloatArray]:
+        """Find the ends of one leg: the point in the ground and the point in the platform, by link."""
+        if motor.kind is not JointKind.PRISMATIC:
+            raise _no_leg(motor.name, f"it is {motor.kind}, not prismatic")
+        below, above = (
+            self._walk(motor, motor.parent, motor.child),
+            self._walk(motor, motor.child, motor.parent),
+        )
+        if {below[0], above[0]} != set(self.ends):
+            raise _no_leg(motor.name, f"it does not lead from link '{self.ends[0]}' to link '{self.ends[1]}'")
+        # Both points in the motor's frame; the slide changes their distance along its axis only.
+        apart = above[1].start - motor.placement.actInv(below[1].start)
+        miss = float(np.linalg.norm(np.cross(motor.axis, apart)))
+        if miss > self.tolerance:
+            raise _no_leg(motor.name, f"its axis misses the line between the leg's ends by {miss:.3g} m")
+        return {link: locus.origin for link, locus in (below, above)}
+
+    def _walk(self, motor: Joint, link: str, behind: str) -> tuple[str, _Locus]:
+        """Walk from one side of the motor over joints about one point to the ground or the platform."""
+        visited = {behind}
+        locus: _Locus | None = None
+        rigid = pin.SE3.Identity()  # current link in the first one, while only fixed joints have been passed
+        while link not in self.ends:
+            visited.add(link)
+            onward = [edge for edge in self.edges[link] if edge.other not in visited]
+            if len(onward) != 1:
+                raise _no_leg(motor.name, f"{len(onward)} ways lead on from link '{link}'")
+            edge = onward[0]
+            if edge.kind is JointKind.FIXED:
+                rigid, locus = rigid * edge.here * edge.there.inverse(), _carried(locus, edge)
+            elif edge.kind in (JointKind.REVOLUTE, JointKind.SPHERICAL, JointKind.UNIVERSAL):
+                locus = self._narrowed(motor, locus, edge, rigid)
+            else:
+                raise _no_leg(motor.name, f"joint '{edge.name}' is {edge.kind}")
+            link = edge.other
+        if locus is None:
+            raise _no_leg(motor.name, f"it is fixed to link '{link}'")
+        if locus.axis is not None:
+            raise _no_leg(motor.name, f"it turns about an axis of link '{link}', not about a point")
+        return link, locus
+
+    def _narrowed(self, motor: Joint, locus: _Locus | None, edge: _Edge, rigid: pin.SE3) -> _Locus:
+        """Pass a joint: the common point lies on its axis, or at its centre."""
+        center = np.array(edge.here.translation)
+        axis = edge.here.rotation @ edge.axis if edge.kind is JointKind.REVOLUTE else None
+        if locus is None:
+            start_axis = None if axis is None else rigid.rotation @ axis
+            there = None if axis is None else edge.there.rotation @ edge.axis
+            return _Locus(np.array(edge.there.translation), there, rigid.act(center), start_axis)
+        # Nearest points of the two loci: locus.origin + s locus.axis = center + t axis.
+        columns = ([] if locus.axis is None else [locus.axis]) + ([] if axis is None else [-axis])
+        steps, miss = np.zeros(len(columns)), center - locus.origin
+        if columns:
+            system = np.column_stack(columns)
+            if np.linalg.svd(system, compute_uv=False)[-1] < _ROUND_OFF:
+                raise _no_leg(motor.name, f"two of its joints turn about parallel axes (joint '{edge.name}')")
+            steps = np.linalg.lstsq(system, miss, rcond=None)[0]
+            miss = miss - system @ steps
+        gap = float(np.linalg.norm(miss))
+        if gap > self.tolerance:
+            raise _no_leg(
+                motor.name, f"its joints do not turn about one point: '{edge.name}' misses it by {gap:.3g} m"
+            )
+        along = steps[-1] if axis is not None else 0.0
+        start = locus.start if locus.start_axis is None else locus.start + steps[0] * locus.start_axis
+        return _Locus(edge.there.act(along * edge.axis), None, start, None)
+
+    def _drop_dead_ends(self) -> None:
+        """Forget links that hang on one joint, such as covers and sensors."""
+        while True:
+            loose = [link for link, edges in self.edges.items() if len(edges) < 2 and link not in self.ends]
+            if not loose:
+                return
+            for link in loose:
+                del self.edges[link]
+            for link, edges in self.edges.items():
+                self.edges[link] = [edge for edge in edges if edge.other in self.edges]
 
 
 def _edges(mechanism: Mechanism) -> dict[str, list[_Edge]]:
     edges: dict[str, list[_Edge]] = {link.name: [] for link in mechanism.links}
-    one = pin.SE3.Identity()
-    for joint in mechanism.joints:
-        edges[joint.parent].append(_Edge(joint.kind, joint.name, joint.child, joint.placement, one))
-        edges[joint.child].append(_Edge(joint.kind, joint.name, joint.parent, one, joint.placement))
-    for loop in mechanism.loops:
-        edges[loop.link1].append(_Edge(loop.kind, loop.name, loop.link2, loop.placement1, loop.placement2))
-        edges[loop.link2].append(_Edge(loop.kind, loop.name, loop.link1, loop.placement2, loop.placement1))
+    connections = [
+        (joint, joint.parent, joint.child, joint.placement, pin.SE3.Identity()) for joint in mechanism.joints
+    ] + [(loop, loop.link1, loop.link2, loop.placement1, loop.placement2) for loop in mechanism.loops]
+    for part, link1, link2, placement1, placement2 in connections:
+        edges[link1].append(_Edge(part.kind, part.name, link2, placement1, placement2, part.axis))
+        edges[link2].append(_Edge(part.kind, part.name, link1, placement2, placement1, part.axis))
     return edges
 
 
-def _follow(
-    edges: dict[str, list[_Edge]], motor: str, link: str, behind: str, ends: set[str]
-) -> tuple[str, FloatArray]:
-    """Walk from one side of the motor over joints about one point to the ground or the platform."""
-    visited = {behind}
-    point: FloatArray | None = None  # common point of the joints passed, in the current link
-    while link not in ends:
-        visited.add(link)
-        onward = [edge for edge in edges[link] if edge.other not in visited and edge.name != motor]
-        if len(onward) != 1:
-            raise _no_leg(motor, f"{len(onward)} ways lead on from link '{link}'")
-        edge = onward[0]
-        if edge.kind is JointKind.FIXED:
-            point = None if point is None else (edge.there * edge.here.inverse()).act(point)
-        elif edge.kind in (JointKind.REVOLUTE, JointKind.SPHERICAL, JointKind.UNIVERSAL):
-            here = np.array(edge.here.translation)
-            if point is not None and np.linalg.norm(point - here) > _ROUND_OFF:
-                raise _no_leg(motor, f"its joints do not turn about one point (joint '{edge.name}')")
-            point = np.array(edge.there.translation)
-        else:
-            raise _no_leg(motor, f"joint '{edge.name}' is {edge.kind}")
-        link = edge.other
-    if point is None:
-        raise _no_leg(motor, "it is fixed to its end")
-    return link, point
+def _carried(locus: _Locus | None, edge: _Edge) -> _Locus | None:
+    """Express the locus in the link beyond a fixed joint."""
+    if locus is None:
+        return None
+    step = edge.there * edge.here.inverse()
+    axis = None if locus.axis is None else step.rotation @ locus.axis
+    return _Locus(step.act(locus.origin), axis, locus.start, locus.start_axis)
 
 
 def _no_leg(motor: str, reason: str) -> UnsupportedError:

@@ -10,9 +10,11 @@ import pinocchio as pin
 
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import LOOP_KINDS, TREE_KINDS, Link, Mechanism
+from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9
-"""Slack of the triangle inequality, relative to the trace: thin rods printed with few digits touch it."""
+"""Slack of the triangle inequality, relative to the trace (thin rods printed with few digits touch it), of unit
+vectors and of rotations."""
 
 
 def validate(mechanism: Mechanism) -> None:
@@ -86,8 +88,26 @@ class _Validator:
                 f"link '{link.name}' has inertia but no mass; give it a mass, or remove its <inertial> element",
             )
 
+    def _placement(self, owner: str, culprit: str, placement: pin.SE3) -> None:
+        homogeneous = placement.homogeneous
+        turned = homogeneous[:3, :3]
+        if not np.isfinite(homogeneous).all() or np.abs(turned.T @ turned - np.eye(3)).max() > _ROUND_OFF:
+            raise self._error(
+                culprit, f"{owner} has a placement that is not finite, or whose rotation is none"
+            )
+
+    def _axis(self, owner: str, culprit: str, axis: FloatArray) -> None:
+        if np.shape(axis) != (3,) or not abs(np.linalg.norm(axis) - 1) <= _ROUND_OFF:
+            raise self._error(culprit, f"{owner} has the axis {axis}; give a unit vector of three numbers")
+
     def _joints(self) -> None:
         for joint in self.mechanism.joints:
+            if joint.name == "universe":
+                raise self._error(
+                    joint.name, "no joint may be called 'universe', Pinocchio's name for the world"
+                )
+            self._placement(f"joint '{joint.name}'", joint.name, joint.placement)
+            self._axis(f"joint '{joint.name}'", joint.name, joint.axis)
             if joint.kind not in TREE_KINDS:
                 raise self._error(
                     joint.name, f"joint '{joint.name}' cannot be of type '{joint.kind}' in the tree"
@@ -98,7 +118,7 @@ class _Validator:
                         joint.name,
                         f"joint '{joint.name}' has the missing {role} link '{name}'; {self._have_links()}",
                     )
-            if joint.lower > joint.upper:
+            if not joint.lower <= joint.upper:
                 raise self._error(
                     joint.name,
                     f"joint '{joint.name}' has lower limit {joint.lower:g} above upper limit {joint.upper:g}",
@@ -127,7 +147,7 @@ class _Validator:
             parents[joint.child] = joint.name
         roots = sorted(self.links - set(parents))
         if not self.mechanism.links:
-            raise self._error(self.mechanism.name, "there is no <link>")
+            raise self._error(self.mechanism.name, f"robot '{self.mechanism.name}' has no <link>")
         if len(roots) > 1:
             raise self._error(
                 roots[1], f"links without a parent: {', '.join(roots)}; one, the ground, may have none"
@@ -144,6 +164,10 @@ class _Validator:
 
     def _loops(self) -> None:
         for loop in self.mechanism.loops:
+            for placement in (loop.placement1, loop.placement2):
+                self._placement(f"loop '{loop.name}'", loop.name, placement)
+            for axis in (loop.axis, loop.axis2):
+                self._axis(f"loop '{loop.name}'", loop.name, axis)
             if loop.kind not in LOOP_KINDS:
                 raise self._error(loop.name, f"loop '{loop.name}' cannot be of type '{loop.kind}'")
             for role, name in (("predecessor", loop.link1), ("successor", loop.link2)):

@@ -48,7 +48,7 @@ CONTENTS = {
     "zero byte": (b'<robot name="a\0b"/>', "not well-formed XML"),
     "binary": (bytes(range(128, 256)), "not text in the encoding utf-8"),
     "another root": (b"<sdf/>", "the root element is <sdf>"),
-    "empty robot": (b"<robot/>", "there is no <link>"),
+    "empty robot": (b"<robot/>", "has no <link>"),
     "utf-7": (b'<?xml version="1.0" encoding="UTF-7"?>+ADw-robot/+AD4-', "encoding 'UTF-7' is refused"),
     "ebcdic": ('<?xml version="1.0"?><robot/>'.encode("cp037"), "not text in the encoding utf-8"),
     "unknown encoding": (

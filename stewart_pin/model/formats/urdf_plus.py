@@ -115,7 +115,10 @@ class _UrdfReader(ElementReader):
         turned = placement.rotation @ matrix @ placement.rotation.T
         if mass == 0 and not turned.any():
             self._note(owner, "has an <inertial> of zero: a body without mass")
-        return Link(name, pin.Inertia(mass, placement.translation, (turned + turned.T) / 2))
+        # Set afterwards: the constructor refuses negative moments with an error that names nothing.
+        inertia = pin.Inertia(mass, placement.translation, np.zeros((3, 3)))
+        inertia.inertia = (turned + turned.T) / 2
+        return Link(name, inertia)
 
     def _joint(self, element: etree._Element) -> Joint:
         name = self.text(element, "name", "a <joint>")
