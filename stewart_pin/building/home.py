@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.closure.newton import close_loops
+from stewart_pin.closure.newton import Closure, close_loops, loop_system, solve
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
-from stewart_pin.typing import Configuration
+from stewart_pin.model.tree import link_frame
+from stewart_pin.typing import Configuration, FloatArray
 
 _ATTEMPTS = 64
+"""Random configurations to start from."""
+_ROUNDS = 20
+"""How often loops and limits are met in turn from one start."""
 _CLOSED_IN_FILE = 1e-3
-"""Gap that a home printed with few digits may show, relative to the robot's size; a larger one is an error."""
+"""How far closing the loops may move a joint of a home printed with few digits, in robot sizes and radians; also how
+far home may stand outside a joint limit. More is an error."""
 
 
 def settle_home(chain: ClosedChain) -> ClosedChain:
     """Close the loops at home.
 
-    The file's home is refined by Newton's method. Without one, the search starts from the neutral configuration moved
-    inside the joint limits, then from seeded random ones.
+    The description's home is refined by Newton's method. Joints that it does not name are searched for, from the
+    neutral configuration moved inside the joint limits and then from seeded random ones, while the others stay.
 
     Parameters
     ----------
@@ -37,32 +43,23 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
     Raises
     ------
     MechanismError
-        If the loops do not close.
+        If the loops do not close, or only beyond the joint limits, or with a loop's axes against each other.
     """
-    given = bool(chain.mechanism.home)
-    guesses = [home_guess(chain)]
-    if not given:
-        rng = np.random.default_rng(0)
-        guesses += [_random_configuration(chain, rng) for _ in range(_ATTEMPTS)]
-    best = np.inf
-    for guess in guesses:
-        closure = close_loops(chain, guess, throw=False)
+    given = _named_entries(chain)
+    best, fault = np.inf, ""
+    for guess in _guesses(chain, given):
+        closure = _close(chain, guess, given)
         best = min(best, closure.gap)
-        home = replace(chain, q_home=closure.q)
-        if not closure.success or _flipped(home) is not None:
+        if not closure.success:
             continue
-        moved = np.abs(pin.difference(chain.model, guess, closure.q) / chain.tangent_scale).max(initial=0.0)
-        if given and moved > _CLOSED_IN_FILE:
-            raise MechanismError(
-                f"the loops do not close at the home configuration of the file: closing them moves a joint by "
-                f"{moved:.3g}; correct the <group_state name='home'>, or remove it",
-                path=chain.mechanism.source,
-                culprit="home",
-            )
-        return home
+        q = closure.q
+        found = _moved(chain, guess, q, given) or _flipped(chain, q) or _beyond_limits(chain, q)
+        if not found:
+            return replace(chain, q_home=q)
+        fault = fault or found
     raise MechanismError(
-        f"the loops do not close: the smallest gap found is {best:.3g} m; check the origins of the loops, or give a "
-        "home configuration as <group_state name='home'>",
+        f"no home configuration: {fault or f'the loops do not close, the smallest gap found is {best:.3g} m'}; "
+        "correct the origins of the loops, or the home (<group_state name='home'> in a file)",
         path=chain.mechanism.source,
         culprit="home",
     )
@@ -107,28 +104,116 @@ def home_guess(chain: ClosedChain) -> Configuration:
     return pin.normalize(chain.model, q)
 
 
+def _named_entries(chain: ClosedChain) -> np.ndarray:
+    """Mark the tangent entries of the joints that the home names: (nv,) of bool."""
+    named = np.zeros(chain.nv, dtype=bool)
+    for name, joint in zip(chain.model.names[1:], chain.model.joints[1:], strict=True):
+        named[joint.idx_v : joint.idx_v + joint.nv] = name in chain.mechanism.home
+    return named
+
+
+def _guesses(chain: ClosedChain, given: np.ndarray) -> Iterator[Configuration]:
+    first = home_guess(chain)
+    yield first
+    if given.all():
+        return
+    rng = np.random.default_rng(0)
+    for _ in range(_ATTEMPTS):
+        yield np.where(_in_configuration(chain, given), first, _random_configuration(chain, rng))
+
+
+def _close(chain: ClosedChain, guess: Configuration, given: np.ndarray) -> Closure:
+    """Close the loops; joints that are searched for are brought inside their limits in turn with it."""
+    if given.all():
+        return close_loops(chain, guess, throw=False)
+    held = _in_configuration(chain, given)
+    start, closure = guess, Closure(q=guess, gap=np.inf, iterations=0, success=False)
+    for _ in range(_ROUNDS):
+        near = _hold(chain, start, given) if given.any() else start
+        closure = close_loops(chain, near, throw=False)
+        if not closure.success:
+            break
+        q = np.where(held, closure.q, _unwound(chain, closure.q))
+        closure = replace(closure, q=q)
+        if not _beyond_limits(chain, q):
+            break
+        start = np.where(held, guess, _clip(chain, q))
+    return closure
+
+
+def _in_configuration(chain: ClosedChain, entries: np.ndarray) -> np.ndarray:
+    """Carry a mark per tangent entry over to the configuration: (nq,) of bool."""
+    return np.concatenate([np.full(joint.nq, entries[joint.idx_v]) for joint in chain.model.joints[1:]])
+
+
+def _hold(chain: ClosedChain, guess: Configuration, given: np.ndarray) -> Configuration:
+    """Close the loops as far as the given joints allow when they stay: a start from which they hardly move."""
+    loops = loop_system(chain)
+    rows = np.eye(chain.nv)[given]
+
+    def system(data: pin.Data, q: Configuration) -> tuple[FloatArray, FloatArray]:
+        gap, jacobian = loops(data, q)
+        kept = pin.difference(chain.model, guess, q)[given]
+        return np.concatenate([gap, kept]), np.vstack([jacobian, rows])
+
+    return solve(chain, guess, system, "the home configuration", throw=False).q
+
+
 def _clip(chain: ClosedChain, q: Configuration) -> Configuration:
+    """Move coordinates outside their limits to the middle of the range, or to the limit of a range without end."""
     lower, upper = chain.model.lowerPositionLimit, chain.model.upperPositionLimit
-    bounded = np.isfinite(lower) & np.isfinite(upper)
     inside = np.clip(q, lower, upper)
+    bounded = np.isfinite(lower) & np.isfinite(upper)
     middle = (np.where(bounded, lower, inside) + np.where(bounded, upper, inside)) / 2
-    return np.where((q < lower) | (q > upper), middle, q)
+    return np.where(inside == q, q, middle)
 
 
 def _random_configuration(chain: ClosedChain, rng: np.random.Generator) -> Configuration:
-    """Draw every coordinate within its limits, or within one robot size or half a turn of neutral."""
-    reach = np.where(chain.tangent_scale == 1.0, np.pi / 2, chain.tangent_scale)
-    q = pin.integrate(chain.model, pin.neutral(chain.model), rng.uniform(-1, 1, chain.nv) * reach)
+    """Draw every coordinate within its limits, or within a quarter turn, or 1.6 robot sizes, of neutral."""
+    reach = rng.uniform(-1, 1, chain.nv) * chain.tangent_scale
+    q = _clip(chain, pin.integrate(chain.model, pin.neutral(chain.model), np.pi / 2 * reach))
     lower, upper = chain.model.lowerPositionLimit, chain.model.upperPositionLimit
     bounded = np.isfinite(lower) & np.isfinite(upper)
     low, high = np.where(bounded, lower, q), np.where(bounded, upper, q)
     return low + rng.uniform(size=chain.nq) * (high - low)
 
 
-def _flipped(chain: ClosedChain) -> str | None:
+def _unwound(chain: ClosedChain, q: Configuration) -> Configuration:
+    """Take whole turns out of revolute joints: nearest to zero, or to the middle of the range."""
+    q = q.copy()
+    for joint in chain.mechanism.joints:
+        if joint.kind is JointKind.REVOLUTE:
+            at = chain.model.joints[chain.model.getJointId(joint.name)].idx_q
+            middle = (joint.lower + joint.upper) / 2 if np.isfinite([joint.lower, joint.upper]).all() else 0.0
+            q[at] -= 2 * np.pi * np.round((q[at] - middle) / (2 * np.pi))
+    return q
+
+
+def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, given: np.ndarray) -> str:
+    moved = np.abs(pin.difference(chain.model, guess, q) / chain.tangent_scale) * given
+    if moved.max(initial=0.0) <= _CLOSED_IN_FILE:
+        return ""
+    worst = int(np.argmax(moved))
+    return f"closing them moves joint '{chain.tangent_names[worst]}' by {moved[worst]:.3g} robot sizes or radians"
+
+
+def _beyond_limits(chain: ClosedChain, q: Configuration) -> str:
+    for joint in chain.mechanism.joints:
+        if joint.has_axis:
+            held = chain.model.joints[chain.model.getJointId(joint.name)]
+            value, slack = q[held.idx_q], _CLOSED_IN_FILE * chain.tangent_scale[held.idx_v]
+            if not joint.lower - slack <= value <= joint.upper + slack:
+                return (
+                    f"joint '{joint.name}' would stand at {value:.6g}, beyond its limits {joint.lower:.6g} "
+                    f"to {joint.upper:.6g}"
+                )
+    return ""
+
+
+def _flipped(chain: ClosedChain, q: Configuration) -> str:
     """Name a loop whose axes point against each other: its angle rows vanish, but it is not assembled so."""
     data = pin.Data(chain.model)
-    pin.framesForwardKinematics(chain.model, data, chain.q_home)
+    pin.framesForwardKinematics(chain.model, data, q)
     for loop in chain.loops:
         if loop.kind in (
             JointKind.SPHERICAL,
@@ -138,13 +223,12 @@ def _flipped(chain: ClosedChain) -> str | None:
         ):
             continue
         frame1, frame2 = (
-            data.oMf[chain.model.getFrameId(link)].rotation @ placement.rotation
+            data.oMf[link_frame(chain.model, link)].rotation @ placement.rotation
             for link, placement in ((loop.link1, loop.placement1), (loop.link2, loop.placement2))
         )
         relative = frame1.T @ frame2
-        if loop.axis @ relative @ loop.axis < 0:
-            return loop.name
+        # With closed rows both numbers are ±1; a closure without turning also has trace -1 when flipped.
         whole = loop.kind in (JointKind.FIXED, JointKind.PRISMATIC)
-        if whole and np.trace(relative) < 0:
-            return loop.name
-    return None
+        if loop.axis @ relative @ loop.axis < 0 or (whole and np.trace(relative) < 0):
+            return f"the frames of loop '{loop.name}' point against each other; turn one by half a turn"
+    return ""

@@ -19,7 +19,6 @@ from tests.small_urdf import (
     INERTIAL,
     MOTOR,
     SQUARE,
-    bundled,
     home,
     joint,
     link,
@@ -269,10 +268,6 @@ def test_another_link_may_be_the_platform(tmp_path: Path) -> None:
     text = robot(*ARM, '<end_effector name="platform" parent_link="arm" group="all"/>')
     chain = stp.load(write(tmp_path, text))
     assert chain.platform == "arm" and str(chain.report) == "nothing was ignored"
-
-
-def test_the_bundled_files_hold_nothing_that_is_ignored() -> None:
-    assert all(read_urdf(bundled(name)).notes == () for name in stp.robots())
 
 
 def test_the_motors_are_named_when_none_is_marked(tmp_path: Path) -> None:

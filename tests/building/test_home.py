@@ -1,0 +1,147 @@
+"""The home configuration: as written, refined, completed or found; never with open, flipped or overstretched loops."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.errors import MechanismError
+from tests.small_urdf import (
+    ARM,
+    AXIS_Z,
+    CLOSED,
+    FOUR_BAR,
+    SQUARE,
+    bundled,
+    home,
+    joint,
+    link,
+    loop,
+    robot,
+    write,
+)
+
+HOME = re.compile(r"<group_state.*</group_state>", re.DOTALL)
+# At home the rocker stands a quarter turn ahead of the coupler; half a turn about x turns the pin over.
+TURNED_OVER = 'xyz="1 0 0" rpy="3.141592653589793 0 -1.5707963267948966"'
+
+
+def assert_closed(chain: stp.ClosedChain) -> None:
+    assert np.abs(stp.loop_gap(chain, chain.q_home)).max(initial=0.0) < 1e-12 * chain.length_scale
+    lower, upper = chain.model.lowerPositionLimit, chain.model.upperPositionLimit
+    assert (chain.q_home >= lower).all() and (chain.q_home <= upper).all()
+
+
+@pytest.mark.parametrize("name", stp.robots())
+def test_a_missing_home_is_found(name: str, tmp_path: Path) -> None:
+    path = write(tmp_path, HOME.sub("", bundled(name).read_text()))
+    chain = stp.load(path)
+    assert_closed(chain)
+    # The search is seeded.
+    np.testing.assert_array_equal(stp.load(path).q_home, chain.q_home)
+
+
+@pytest.mark.parametrize("name", stp.robots())
+def test_a_home_of_few_digits_is_refined(name: str, tmp_path: Path) -> None:
+    def shorten(match: re.Match) -> str:
+        return 'value="' + " ".join(f"{float(word):.4g}" for word in match[1].split()) + '"'
+
+    start, state, end = bundled(name).read_text().partition("<group_state")
+    short = start + state + re.sub(r'value="([^"]*)"', shorten, end)
+    chain, exact = stp.load(write(tmp_path, short)), stp.load(name)
+    assert_closed(chain)
+    # Half a unit of the fourth digit in the values, which the closing may gather.
+    moved = pin.difference(chain.model, exact.q_home, chain.q_home) / chain.tangent_scale
+    assert np.abs(moved).max() < 5e-3
+
+
+def test_an_exact_home_is_kept(tmp_path: Path) -> None:
+    chain = stp.load(write(tmp_path, robot(*FOUR_BAR, CLOSED, home(**SQUARE))))
+    for name, value in SQUARE.items():
+        assert chain.q_home[chain.model.joints[chain.model.getJointId(name)].idx_q] == pytest.approx(
+            float(value), abs=1e-14
+        )
+    assert not chain.q_home.flags.writeable
+
+
+def test_joints_that_the_home_leaves_out_are_found(tmp_path: Path) -> None:
+    chain = stp.load(write(tmp_path, robot(*FOUR_BAR, CLOSED, home(crank_turn="1.2"))))
+    assert_closed(chain)
+    assert stp.motor_positions(chain, chain.q_home)[0] == pytest.approx(1.2, abs=1e-3)
+
+
+def test_the_platform_alone_makes_a_home(tmp_path: Path) -> None:
+    pose = "0.1 -0.05 1.1 0 0 0 1"
+    text = HOME.sub(home(platform_pose=pose), bundled("stewart").read_text())
+    chain = stp.load(write(tmp_path, text))
+    assert_closed(chain)
+    np.testing.assert_allclose(
+        stp.platform_pose(chain, chain.q_home).translation, [0.1, -0.05, 1.1], atol=1e-3
+    )
+
+
+@pytest.mark.parametrize(("joint_name", "value"), [("crank_turn", "2.0"), ("rocker_turn", "1.5")])
+def test_a_wrong_home_is_an_error(joint_name: str, value: str, tmp_path: Path) -> None:
+    text = robot(*FOUR_BAR, CLOSED, home(**SQUARE | {joint_name: value}))
+    with pytest.raises(MechanismError, match=r"closing them moves joint '\w+' by .*group_state") as caught:
+        stp.load(write(tmp_path, text))
+    assert caught.value.culprit == "home"
+
+
+def test_a_home_beyond_the_limits_is_an_error(tmp_path: Path) -> None:
+    text = bundled("stewart").read_text().replace('lower="0.5" upper="1.8"', 'lower="1.2" upper="1.8"')
+    with pytest.raises(
+        MechanismError, match=r"joint 'leg1' would stand at 1\.0523\d*, beyond its limits 1\.2 to"
+    ):
+        stp.load(write(tmp_path, text))
+
+
+def test_a_home_is_found_within_the_limits(tmp_path: Path) -> None:
+    # The square closes as itself or folded; the limits of the coupler leave one way, then the other.
+    for low, high in ((-3.0, -0.1), (0.1, 3.0)):
+        limit = f'<limit lower="{low}" upper="{high}" effort="1" velocity="1"/>'
+        bars = [
+            part.replace("</joint>", f"{limit}</joint>") if "coupler_turn" in part else part
+            for part in FOUR_BAR
+        ]
+        assert_closed(stp.load(write(tmp_path, robot(*bars, CLOSED))))
+
+
+@pytest.mark.parametrize("kind", ["revolute", "cylindrical", "planar", "prismatic", "fixed"])
+@pytest.mark.parametrize("given", [True, False])
+def test_flipped_axes_are_refused(kind: str, given: bool, tmp_path: Path) -> None:
+    """Rows of a closure also vanish with axes against each other; a pin does not sit in its hole like that."""
+    flipped = loop(
+        "hinge", kind, "platform", "rocker", origin1='xyz="1 0 0"', origin2=TURNED_OVER,
+        content="" if kind == "fixed" else AXIS_Z,
+    )  # fmt: skip
+    text = robot(*FOUR_BAR, flipped, home(**SQUARE) if given else "")
+    with pytest.raises(MechanismError, match="'hinge' point against each other"):
+        stp.load(write(tmp_path, text))
+
+
+def test_loops_that_cannot_close_name_the_gap(tmp_path: Path) -> None:
+    far = CLOSED.replace('xyz="1 0 0"', 'xyz="9 0 0"', 1)
+    with pytest.raises(MechanismError, match=r"the smallest gap found is \d") as caught:
+        stp.load(write(tmp_path, robot(*FOUR_BAR, far)))
+    assert "origins of the loops" in str(caught.value) and "small.urdf" in str(caught.value)
+
+
+def test_a_tree_starts_within_its_limits(tmp_path: Path) -> None:
+    limits = {"a": (1.0, 3.0), "b": (0.5, 1e30), "c": (-1e30, -0.5), "d": (-1.0, 2.0)}
+    parts = [
+        link(f"l{name}") + joint(
+            name, "arm", f"l{name}",
+            content=f'<limit lower="{low}" upper="{high}" effort="1" velocity="1"/>',
+        )
+        for name, (low, high) in limits.items()
+    ]  # fmt: skip
+    chain = stp.load(write(tmp_path, robot(*ARM, *parts)))
+    home_of = dict(zip(chain.model.names[1:], chain.q_home, strict=True))
+    # Neutral where the limits allow, else mid-way, or at the only limit.
+    assert [home_of[name] for name in "abcd"] == [2.0, 0.5, -0.5, 0.0]
