@@ -30,6 +30,8 @@ def load(
 ) -> ClosedChain:
     """Read a robot with its loops, motors and platform.
 
+    A link with an ``<inertial>`` is a body; the joints around a link without one act as one joint.
+
     Parameters
     ----------
     name_or_path
@@ -39,17 +41,20 @@ def load(
     motors
         Names of the motor joints, in order; default: the joints that the file marks ``independent="true"``.
     platform
-        Name of the platform link; default: the link called ``platform``.
+        Name of the platform link; default: the parent link of the ``<end_effector name="platform">``, or else the
+        link called ``platform``.
     gravity
         (3,) acceleration of free fall in the world frame [m/s²].
 
     Returns
     -------
     ClosedChain
-        The robot, validated, its home configuration closed.
+        The robot, validated, its home configuration closed; ``print(chain.report)`` tells what the file held besides.
 
     Raises
     ------
+    InputError
+        If an argument has the wrong type or shape.
     FileFormatError
         If the file is missing, broken or of an unknown dialect.
     MechanismError
@@ -126,8 +131,8 @@ def _motors(mechanism: Mechanism, motors: Sequence[str] | None) -> tuple[str, ..
                 culprit="motors",
             )
         return named
-    if isinstance(motors, str):
-        raise InputError(f"motors must be a sequence of joint names, got the single string {motors!r}")
+    if isinstance(motors, str) or not isinstance(motors, Sequence):
+        raise InputError(f"motors must be a sequence of joint names, got {motors!r}")
     for name in motors:
         if name not in movable:
             raise MechanismError(
