@@ -13,14 +13,24 @@ from stewart_pin.model.formats.urdf_plus import write_urdf_file
 def write_urdf(chain: ClosedChain, path: str | Path) -> None:
     """Write a chain as URDF, its loops in the URDF+ dialect, so that `load` reads the same chain back.
 
+    A file holds no gravity; pass it to `load` again where it is not the usual one.
+
     Parameters
     ----------
     chain
         Closed chain.
     path
         File to create or overwrite.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
     """
-    write_urdf_file(chain.described(), Path(path))
+    try:
+        write_urdf_file(chain.described(), Path(path))
+    except OSError as error:
+        raise InputError(f"path: cannot write {str(path)!r}: {error.strerror}") from None
 
 
 def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> None:
