@@ -76,15 +76,16 @@ def hexapod_chain(
     Raises
     ------
     InputError
-        If the joint type is unknown, or the stroke is empty.
+        If the joint type is unknown, the stroke is empty, or a leg has no length at home.
+    MechanismError
+        If an inertia is unphysical, or home stands beyond the stroke or the swing of a leg.
     """
     if lower_joint not in ("universal", "spherical"):
         raise InputError(f"lower_joint must be 'universal' or 'spherical', got {lower_joint!r}")
-    low, high = stroke
-    if not 0 <= low < high:
-        raise InputError(
-            f"stroke must be (least, greatest) leg length with 0 <= least < greatest, got {stroke}"
-        )
+    for argument, inertia in (("platform", platform), ("lower", lower), ("upper", upper), ("base", base)):
+        if not isinstance(inertia, pin.Inertia) and not (argument == "base" and inertia is None):
+            raise InputError(f"{argument} must be a pinocchio.Inertia, got {type(inertia).__name__}")
+    low, high = _stroke(stroke)
     pose = pin.SE3(np.eye(3), _default_home(hexapod, low, high)) if home is None else as_pose("home", home)
     axes = (_X, _Y) if lower_joint == "universal" else (_X, _Y, _Z)
     links = [Link("base", base), Link("platform", platform)]
@@ -101,9 +102,14 @@ def hexapod_chain(
         for k, (joint, axis) in enumerate(zip(names, axes, strict=True)):
             placement = pin.SE3(np.eye(3), foot) if k == 0 else pin.SE3.Identity()
             limit = 2 * np.pi if k == 2 else _SWING
+            # A leg that hangs stands half a turn from one that stands up.
+            middle = np.pi if k == 0 and pose.act(head)[2] < foot[2] else 0.0
             joints.append(
-                Joint(joint, JointKind.REVOLUTE, parents[k], children[k], placement, axis, -limit, limit)
-            )
+                Joint(
+                    joint, JointKind.REVOLUTE, parents[k], children[k], placement, axis,
+                    middle - limit, middle + limit,
+                )
+            )  # fmt: skip
         joints.append(
             Joint(
                 leg, JointKind.PRISMATIC, f"{leg}_lower", f"{leg}_upper", pin.SE3.Identity(), _Z,
@@ -125,11 +131,27 @@ def hexapod_chain(
     return build_chain(mechanism, gravity=gravity)
 
 
+def _stroke(stroke: tuple[float, float]) -> tuple[float, float]:
+    try:
+        low, high = map(float, stroke)
+    except (TypeError, ValueError):
+        low = high = -inf
+    if not 0 <= low < high:
+        raise InputError(
+            f"stroke must be (least, greatest) leg length with 0 <= least < greatest, got {stroke!r}"
+        )
+    return low, high
+
+
 def _leg_values(names: list[str], motor: str, leg: FloatArray) -> dict[str, FloatArray]:
     """Joint values of one leg: u = Rx(α) Ry(β) z = (sin β, -sin α cos β, cos α cos β)."""
     length = float(np.linalg.norm(leg))
+    if length == 0.0:
+        raise InputError(f"{motor} has no length at home; pass home=, with the platform away from the base")
     x, y, z = leg / length
-    angles = [np.arctan2(-y, z), np.arcsin(np.clip(x, -1.0, 1.0)), 0.0]
+    # α in [-π/2, 3π/2), the range of legs that stand up or hang.
+    alpha = (np.arctan2(-y, z) + np.pi / 2) % (2 * np.pi) - np.pi / 2
+    angles = [alpha, np.arcsin(np.clip(x, -1.0, 1.0)), 0.0]
     return {name: np.array([angle]) for name, angle in zip(names, angles, strict=False)} | {
         motor: np.array([length])
     }

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.errors import InputError
+from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.description import JointKind, Mechanism
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import validate
 
@@ -32,8 +33,13 @@ def replace_inertias(chain: ClosedChain, inertias: Mapping[str, pin.Inertia]) ->
     Raises
     ------
     InputError
-        If a name is not that of a link with inertia.
+        If a name is not that of a link with inertia, or a value is no inertia.
+    MechanismError
+        If an inertia is unphysical.
     """
+    for name, inertia in inertias.items():
+        if not isinstance(inertia, pin.Inertia):
+            raise InputError(f"inertias['{name}'] must be a pinocchio.Inertia, got {type(inertia).__name__}")
     bodies = [link.name for link in chain.mechanism.links if link.inertia is not None]
     unknown = set(inertias) - set(bodies)
     if unknown:
@@ -47,7 +53,7 @@ def replace_inertias(chain: ClosedChain, inertias: Mapping[str, pin.Inertia]) ->
 
 
 def massless_legs(chain: ClosedChain, *, point_platform: bool = False) -> ClosedChain:
-    """Take the mass from every body but the ground and the platform.
+    """Take the mass from every body but the ground, the platform and what is fixed to them.
 
     Parameters
     ----------
@@ -60,15 +66,41 @@ def massless_legs(chain: ClosedChain, *, point_platform: bool = False) -> Closed
     -------
     ClosedChain
         The mechanism of the simplified formula: all force comes from the platform.
+
+    Raises
+    ------
+    UnsupportedError
+        If the platform's mass is to be gathered, but no link that is fixed to the platform has an inertia.
     """
-    kept = {chain.mechanism.root, chain.platform}
-    inertias = {
-        link.name: pin.Inertia.Zero()
-        for link in chain.mechanism.links
-        if link.inertia is not None and link.name not in kept
-    }
+    bodies = {link.name: link.inertia for link in chain.mechanism.links if link.inertia is not None}
+    ground, platform = (_fixed_to(chain.mechanism, link) for link in (chain.mechanism.root, chain.platform))
+    inertias = {name: pin.Inertia.Zero() for name in bodies if name not in {*ground, *platform}}
     if point_platform:
-        body = chain.mechanism.link(chain.platform)
-        mass = 0.0 if body.inertia is None else body.inertia.mass
-        inertias[body.name] = pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)))
+        carriers = [name for name in platform if name in bodies]
+        if not carriers:
+            raise UnsupportedError(
+                f"platform '{chain.platform}' has no <inertial>: there is no mass to gather"
+            )
+        mass = sum(bodies[name].mass for name in carriers)
+        inertias |= {name: pin.Inertia.Zero() for name in carriers}
+        origin = platform[carriers[0]].inverse().translation
+        inertias[carriers[0]] = pin.Inertia(mass, origin, np.zeros((3, 3)))
     return replace_inertias(chain, inertias)
+
+
+def _fixed_to(mechanism: Mechanism, link: str) -> dict[str, pin.SE3]:
+    """Find the links that fixed joints hold to a link, itself first: their placements in it."""
+    placements, frontier = {link: pin.SE3.Identity()}, [link]
+    while frontier:
+        name = frontier.pop()
+        for joint in mechanism.joints:
+            if joint.kind is not JointKind.FIXED:
+                continue
+            for here, there, step in (
+                (joint.parent, joint.child, joint.placement),
+                (joint.child, joint.parent, joint.placement.inverse()),
+            ):
+                if here == name and there not in placements:
+                    placements[there] = placements[name] * step
+                    frontier.append(there)
+    return placements
