@@ -106,7 +106,7 @@ class _Walker:
         rigid = pin.SE3.Identity()  # current link in the first one, while only fixed joints have been passed
         while link not in self.ends:
             visited.add(link)
-            onward = [edge for edge in self.edges[link] if edge.other not in visited]
+            onward = [edge for edge in self.edges.get(link, []) if edge.other not in visited]
             if len(onward) != 1:
                 raise _no_leg(motor.name, f"{len(onward)} ways lead on from link '{link}'")
             edge = onward[0]
@@ -164,7 +164,9 @@ class _Walker:
 def _edges(mechanism: Mechanism) -> dict[str, list[_Edge]]:
     edges: dict[str, list[_Edge]] = {link.name: [] for link in mechanism.links}
     connections = [
-        (joint, joint.parent, joint.child, joint.placement, pin.SE3.Identity()) for joint in mechanism.joints
+        (joint, joint.parent, joint.child, joint.placement, pin.SE3.Identity())
+        for joint in mechanism.joints
+        if joint.kind is not JointKind.FLOATING  # which holds nothing together
     ] + [(loop, loop.link1, loop.link2, loop.placement1, loop.placement2) for loop in mechanism.loops]
     for part, link1, link2, placement1, placement2 in connections:
         edges[link1].append(_Edge(part.kind, part.name, link2, placement1, placement2, part.axis))

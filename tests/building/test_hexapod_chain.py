@@ -70,7 +70,9 @@ def test_a_hanging_platform_is_within_the_swing_of_its_legs(report_ideal: stp.He
 
 def test_a_home_beyond_the_stroke_is_an_error(report_ideal: stp.Hexapod) -> None:
     high = pin.SE3(np.eye(3), np.array([0, 0, 3.0]))
-    with pytest.raises(MechanismError, match=r"joint 'leg1' would stand at 3.*beyond its limits 0\.5 to 1\.8"):
+    with pytest.raises(
+        MechanismError, match=r"joint 'leg1' would stand at 3.*beyond its limits 0\.5 to 1\.8"
+    ):
         stp.hexapod_chain(report_ideal, **BODIES, stroke=(0.5, 1.8), home=high)
 
 
