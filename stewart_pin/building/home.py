@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.closure.newton import Closure, close_loops, loop_system, solve
+from stewart_pin.closure.newton import Closure, System, close_loops, loop_system, solve
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
-from stewart_pin.model.tree import link_frame
 from stewart_pin.typing import Configuration, FloatArray
 
 _ATTEMPTS = 64
@@ -50,10 +49,15 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
     for guess in _guesses(chain, given):
         closure = _close(chain, guess, given)
         best = min(best, closure.gap)
+        if closure.flipped:
+            fault = (
+                fault
+                or f"the frames of loop '{closure.flipped}' point against each other; turn one by half a turn"
+            )
         if not closure.success:
             continue
         q = closure.q
-        found = _moved(chain, guess, q, given) or _flipped(chain, q) or _beyond_limits(chain, q)
+        found = _moved(chain, guess, q, given) or _beyond_limits(chain, q)
         if not found:
             return replace(chain, q_home=q)
         fault = fault or found
@@ -151,12 +155,13 @@ def _hold(chain: ClosedChain, guess: Configuration, given: np.ndarray) -> Config
     loops = loop_system(chain)
     rows = np.eye(chain.nv)[given]
 
-    def system(data: pin.Data, q: Configuration) -> tuple[FloatArray, FloatArray]:
-        gap, jacobian = loops(data, q)
+    def evaluate(data: pin.Data, q: Configuration) -> tuple[FloatArray, FloatArray]:
+        gap, jacobian = loops.evaluate(data, q)
         kept = pin.difference(chain.model, guess, q)[given]
         return np.concatenate([gap, kept]), np.vstack([jacobian, rows])
 
-    return solve(chain, guess, system, "the home configuration", throw=False).q
+    sizes = np.concatenate([loops.sizes, chain.tangent_scale[given]])
+    return solve(chain, guess, System(evaluate, sizes, "the home configuration")).q
 
 
 def _clip(chain: ClosedChain, q: Configuration) -> Configuration:
@@ -207,28 +212,4 @@ def _beyond_limits(chain: ClosedChain, q: Configuration) -> str:
                     f"joint '{joint.name}' would stand at {value:.6g}, beyond its limits {joint.lower:.6g} "
                     f"to {joint.upper:.6g}"
                 )
-    return ""
-
-
-def _flipped(chain: ClosedChain, q: Configuration) -> str:
-    """Name a loop whose axes point against each other: its angle rows vanish, but it is not assembled so."""
-    data = pin.Data(chain.model)
-    pin.framesForwardKinematics(chain.model, data, q)
-    for loop in chain.loops:
-        if loop.kind in (
-            JointKind.SPHERICAL,
-            JointKind.UNIVERSAL,
-            JointKind.POINT_ON_LINE,
-            JointKind.DISTANCE,
-        ):
-            continue
-        frame1, frame2 = (
-            data.oMf[link_frame(chain.model, link)].rotation @ placement.rotation
-            for link, placement in ((loop.link1, loop.placement1), (loop.link2, loop.placement2))
-        )
-        relative = frame1.T @ frame2
-        # With closed rows both numbers are ±1; a closure without turning also has trace -1 when flipped.
-        whole = loop.kind in (JointKind.FIXED, JointKind.PRISMATIC)
-        if loop.axis @ relative @ loop.axis < 0 or (whole and np.trace(relative) < 0):
-            return f"the frames of loop '{loop.name}' point against each other; turn one by half a turn"
     return ""
