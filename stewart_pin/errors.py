@@ -59,7 +59,7 @@ class ClosureError(StewartPinError):
     iterations
         Newton steps taken.
     q
-        Configuration reached.
+        Configuration reached [m, rad].
     """
 
     def __init__(self, message: str, *, residual: float, iterations: int, q: np.ndarray) -> None:
@@ -93,7 +93,7 @@ class SingularityError(StewartPinError):
     smallest_singular_value
         Of the matrix named in the message.
     direction
-        The motion that is lost or gained, as a vector over `names`.
+        The motion that is lost or gained, as a dimensionless vector over `names`.
     names
         Names of the entries of `direction`.
     """
@@ -134,7 +134,15 @@ class ConvergenceError(StewartPinError):
 
 
 class MissingExtraError(StewartPinError, ImportError):
-    """An optional dependency is not installed."""
+    """An optional dependency is not installed.
+
+    Attributes
+    ----------
+    package
+        The package that is missing.
+    extra
+        The extra of this package that installs it.
+    """
 
     def __init__(self, package: str, extra: str) -> None:
         super().__init__(

@@ -162,7 +162,7 @@ def leg_forces_for_wrench(jacobian: FloatArray, wrench: ArrayLike) -> FloatArray
     Parameters
     ----------
     jacobian
-        (..., 6, 6) from `leg_jacobian`.
+        (..., 6, 6) from `leg_jacobian` [1, m].
     wrench
         (..., 6) force and moment about the platform origin, in base axes [N, N m].
 

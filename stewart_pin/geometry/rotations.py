@@ -66,12 +66,12 @@ def skew(vector: FloatArray) -> FloatArray:
     Parameters
     ----------
     vector
-        (..., 3) vectors.
+        (..., 3) vectors, in any unit.
 
     Returns
     -------
     numpy.ndarray
-        (..., 3, 3) skew-symmetric matrices.
+        (..., 3, 3) skew-symmetric matrices, in the same unit.
     """
     matrix = np.zeros((*vector.shape[:-1], 3, 3))
     x, y, z = np.moveaxis(vector, -1, 0)
@@ -88,12 +88,12 @@ def as_rotation(name: str, value: ArrayLike) -> FloatArray:
     name
         Name of the argument, for the message.
     value
-        (..., 3, 3) what the caller passed.
+        (..., 3, 3) what the caller passed as rotation matrices.
 
     Returns
     -------
     numpy.ndarray
-        The value as float64.
+        (..., 3, 3) rotation matrices as float64.
 
     Raises
     ------
