@@ -24,7 +24,7 @@ UNITLESS = re.compile(
     r"|boolean|(any|same) unit",
     re.IGNORECASE,
 )
-UNITLESS_NAME = re.compile(r"rotation|quaternion|ax[ie]s|normal|index")
+UNITLESS_NAME = re.compile(r"rotation|quaternion|ax[ie]s|normal|cosine|index")
 
 WITHOUT_UNITS = {"stewart_pin.checks"}
 """Doors that check arrays of any meaning have no unit to state."""
@@ -126,7 +126,7 @@ def has_unit(text: str) -> bool:
 def _arrays_without_unit(texts: dict[str, str], annotations: dict[str, Any]) -> Iterator[str]:
     for name, text in texts.items():
         array = ARRAY.search(str(annotations.get(name, "")))
-        if array and not has_unit(text) and not UNITLESS_NAME.match(name):
+        if array and not has_unit(text) and not UNITLESS_NAME.search(name):
             yield f"array {name!r} has no [unit]: {text!r}"
 
 

@@ -225,12 +225,12 @@ def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     Parameters
     ----------
     a, b
-        (..., 3) vectors in one frame.
+        (..., 3) vectors in one frame, in any unit.
 
     Returns
     -------
     numpy.ndarray
-        (...) scalar products.
+        (...) scalar products, dimensionless if both vectors are.
     """
     return np.einsum("...i,...i->...", a, b)
 

@@ -62,7 +62,7 @@ def inverse_dynamics(
     >>> chain = stp.load("stewart")
     >>> rest = np.zeros(chain.nv)
     >>> stp.inverse_dynamics(chain, chain.q_home, rest, rest).tau_motor.round(2)
-    array([50.26, 50.26, 50.26, 50.26, 50.26, 50.26])
+    array([49.99, 49.99, 49.99, 49.99, 49.99, 49.99])
     """
     if method == "pinocchio":
         return pinocchio_inverse_dynamics(chain, q, v, a, effort_limit=effort_limit, throw=throw)

@@ -19,14 +19,28 @@ from stewart_pin.typing import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class NormalRow:
-    """``normal · t = 0``, `normal` (3,) in frame 1."""
+    """``normal · t = 0``.
+
+    Attributes
+    ----------
+    normal
+        (3,) unit vector in frame 1.
+    """
 
     normal: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class AngleRow:
-    """``u1 · R u2 = 0``, `u1` (3,) in frame 1 and `u2` (3,) in frame 2."""
+    """``u1 · R u2 = 0``.
+
+    Attributes
+    ----------
+    u1
+        (3,) unit vector in frame 1.
+    u2
+        (3,) unit vector in frame 2.
+    """
 
     u1: FloatArray
     u2: FloatArray
@@ -34,7 +48,13 @@ class AngleRow:
 
 @dataclass(frozen=True)
 class LengthRow:
-    """``|t| = length`` [m]."""
+    """``|t| = length``.
+
+    Attributes
+    ----------
+    length
+        Distance between the frame origins [m].
+    """
 
     length: float
 

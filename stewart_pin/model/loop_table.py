@@ -22,11 +22,11 @@ class RowGroup:
     index
         (r,) position of each row among all loop rows.
     loop
-        (r,) loop of each row.
+        (r,) index of the loop of each row.
     vector1
-        (r, 3) normal or u1 in frame 1; unused by length rows.
+        (r, 3) unit vector in frame 1, normal or u1; unused by length rows.
     vector2
-        (r, 3) u2 in frame 2; unused by normal and length rows.
+        (r, 3) unit vector u2 in frame 2; unused by normal and length rows.
     length
         (r,) [m], used by length rows.
     """
@@ -57,7 +57,7 @@ class LoopTable:
     translation1, translation2
         (L, 3) loop frames in their joints [m].
     difference
-        (L, nv) +1 where a tangent entry moves only frame 2, -1 where only frame 1, 0 where both or neither.
+        (L, nv) dimensionless: +1 where a tangent entry moves only frame 2, -1 where only frame 1, otherwise 0.
     normal, angle, rod
         Rows by primitive.
     """

@@ -31,9 +31,9 @@ class Columns:
     Attributes
     ----------
     wrenches
-        (6, n) T at the world origin [force, moment].
+        (6, n) T at the world origin, per joint force or moment [1, m].
     acceleration
-        (n,) c, the relative acceleration demanded along the wrenches.
+        (n,) c, the relative acceleration demanded along the wrenches [m/s², rad/s²].
     """
 
     wrenches: FloatArray
@@ -47,13 +47,13 @@ class Freedoms:
     Attributes
     ----------
     axes
-        (6, n) motion axes S at the world origin.
+        (6, n) motion axes S at the world origin, per joint rate [1, m].
     origin
         (3,) a point of the joint [m].
     bias
-        (6,) relative acceleration without joint acceleration.
+        (6,) relative acceleration without joint acceleration [m/s², rad/s²].
     index
-        (n,) tangent entries.
+        (n,) indices of the joints' tangent entries.
     """
 
     axes: FloatArray

@@ -37,11 +37,12 @@ class JointMotion:
     Attributes
     ----------
     axes
-        (6, n) motions per joint rate, at the world origin.
+        (6, n) motions per joint rate, at the world origin [1, m].
     origin
         (3,) joint origin after the motion [m].
     bias
-        (6,) relative acceleration that is there without joint acceleration: rate of the axes times joint rate.
+        (6,) relative acceleration that is there without joint acceleration: rate of the axes times joint rate
+        [m/s², rad/s²].
     index
         Tangent entries of the joint.
     """

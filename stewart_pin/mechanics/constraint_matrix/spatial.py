@@ -20,12 +20,12 @@ def skew(vector: FloatArray) -> FloatArray:
     Parameters
     ----------
     vector
-        (3,) vector.
+        (3,) vector, in any unit.
 
     Returns
     -------
     numpy.ndarray
-        (3, 3) such that ``skew(a) @ b == a × b``, dimension of the vector.
+        (3, 3) such that ``skew(a) @ b == a × b``, in the same unit.
     """
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -120,7 +120,7 @@ def motion_about(point: FloatArray, motion: FloatArray) -> FloatArray:
     point
         (3,) in the world [m].
     motion
-        (6, n) or (6,) motions at the world origin.
+        (6, n) or (6,) motions at the world origin [any unit].
 
     Returns
     -------

@@ -45,7 +45,17 @@ class CompoundJoint:
 
 @dataclass(frozen=True, eq=False)
 class LoopJoint:
-    """A loop closure between two bodies."""
+    """A loop closure between two bodies.
+
+    Attributes
+    ----------
+    name
+        Name of the loop.
+    predecessor, successor
+        Bodies that carry loop frames 1 and 2.
+    loop
+        The loop as the file describes it.
+    """
 
     name: str
     predecessor: str

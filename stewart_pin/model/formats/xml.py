@@ -137,7 +137,13 @@ def number_text(values: Iterable[float]) -> str:
 
 
 class ElementReader:
-    """Reads attributes of one file's elements, with errors that name file, owner and attribute."""
+    """Reads attributes of one file's elements, with errors that name file, owner and attribute.
+
+    Attributes
+    ----------
+    path
+        The file, for messages.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = str(path)
@@ -297,7 +303,7 @@ class ElementReader:
         Returns
         -------
         numpy.ndarray
-            (n,) the numbers [unit of the attribute].
+            (n,) the numbers, in the unit of the attribute [m, rad, kg, kg m²].
         """
         try:
             # Python's float also takes 1_000 and the digits of other scripts.
