@@ -72,6 +72,20 @@ def test_quick_start_is_two_commands() -> None:
     assert test.endswith(".venv/bin/python -m pytest -q")
 
 
+def test_readme_examples_run() -> None:
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", readme, re.DOTALL | re.MULTILINE)
+    assert blocks
+    exec(compile("\n".join(blocks), "README.md", "exec"), {})  # one session, as a reader would type it
+
+
+def test_links_lead_somewhere() -> None:
+    pages = {path: text for path, text in _texts() if path.endswith(".md")}
+    links = [(page, link) for page, text in pages.items() for link in re.findall(r"\]\(([^)#:]+)\)", text)]
+    assert len(links) >= 3
+    assert [(page, link) for page, link in links if not (ROOT / page).parent.joinpath(link).exists()] == []
+
+
 def test_versions_agree() -> None:
     version = _project()["version"]
     package = (ROOT / "stewart_pin" / "__init__.py").read_text(encoding="utf-8")
