@@ -151,7 +151,7 @@ def assemble(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent) -> As
     for body in layout.bodies:
         motion = links[body.name]
         inertia = spatial_inertia(body.inertia or pin.Inertia.Zero(), motion.rotation, motion.origin)
-        inertias.append(inertia)
+        inertias.append(scipy.sparse.coo_array(inertia))  # block_diag of dense arrays warns (SciPy >= 1.18)
         forces.append(-inertia @ gravity + cross_force(motion.twist, inertia @ motion.twist))
 
     blocks = _Blocks()
