@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ast
+import contextlib
+import functools
 import json
+import os
 import re
 import tomllib
 from collections.abc import Iterator
@@ -25,21 +28,21 @@ REGISTRIES = [
     )
 ]  # fmt: skip
 MACHINE_PATH = re.compile(r"(?<![\w./])/(?:work|root|tmp|home|Users|farm)/")
+BUILT = {"__pycache__", "build", "dist", "output"}
 NOTEBOOK_BYTES = 600 * 1024
 """Larger notebooks make every clone slow, since each run changes their pictures."""
 
 
-def _texts() -> Iterator[tuple[str, str]]:
-    """Yield path and text of the project's own files; hidden folders other than .ci are not its own."""
-    for path in sorted(ROOT.rglob("*")):
-        parts = path.relative_to(ROOT).parts
-        hidden = parts[0] == ".git" or any(p.startswith(".") and p != ".ci" for p in parts[:-1])
-        built = {"__pycache__", "build", "dist", "output"} & set(parts)
-        if path.is_file() and not hidden and not built:
-            try:
-                yield "/".join(parts), path.read_text(encoding="utf-8")
-            except UnicodeDecodeError:
-                continue  # a mesh or a picture
+@functools.cache
+def _texts() -> tuple[tuple[str, str], ...]:
+    """Return path and text of the project's own files; hidden folders other than .ci are not its own."""
+    found = []
+    for folder, below, names in os.walk(ROOT):
+        below[:] = [n for n in below if (n[0] != "." or n == ".ci") and n not in BUILT]  # never enter .venv
+        for path in (Path(folder, name) for name in names if name != ".git"):
+            with contextlib.suppress(UnicodeDecodeError):  # a mesh or a picture
+                found.append((path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")))
+    return tuple(sorted(found))
 
 
 def _lines_with(pattern: re.Pattern[str]) -> list[str]:
