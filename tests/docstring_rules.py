@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-ARRAY = re.compile(r"\b(FloatArray|ArrayLike|NDArray|ndarray|Configuration|Tangent)\b")
-"""Annotations of arrays, which carry units."""
+ARRAY = re.compile(r"^(?!.*Callable).*\b(FloatArray|ArrayLike|NDArray|ndarray|Configuration|Tangent)\b")
+"""Annotations of arrays, which carry units; a callable that gives arrays is described in words."""
 
 # "[m/s]" and "[kg m²]", but not "[1]_", which is a citation, nor "[-π, π]" or "[v; ω]".
 UNIT = re.compile(r"\[[^\[\]]*(?<![A-Za-z])(mm|m|rad|deg|s|Hz|N|kg|J|W|Pa|1)(?![A-Za-z])[^\[\]]*\](?!_)")

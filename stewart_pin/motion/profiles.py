@@ -35,7 +35,7 @@ def chirp_motion(
     home
         Platform frame in the world that the motion starts from.
     direction
-        (3,) in the world; its length does not matter.
+        (3,) in the world, dimensionless; its length does not matter.
     amplitude
         Of the displacement [m].
     start_frequency, end_frequency

@@ -192,7 +192,7 @@ def loop_openings(loop: Loop, link1: LinkMotion, link2: LinkMotion, size: float)
     Returns
     -------
     numpy.ndarray
-        (n,) opening of every row, in units of `size` and radians.
+        (n,) opening of every row, dimensionless: lengths per `size`, angles in radians.
     """
     ends = _ends(loop, link1, link2)
     reach = ends.point2 - ends.point1
