@@ -35,6 +35,8 @@ from stewart_pin.mechanics.constraint_matrix.system import (
 )
 from stewart_pin.mechanics.effort import Effort as Effort
 from stewart_pin.mechanics.effort import Motion as Motion
+from stewart_pin.mechanics.forward_solutions import ForwardSolutions as ForwardSolutions
+from stewart_pin.mechanics.forward_solutions import all_forward_kinematics as all_forward_kinematics
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics as inverse_dynamics
 from stewart_pin.mechanics.kinematics import State as State
 from stewart_pin.mechanics.kinematics import forward_kinematics as forward_kinematics

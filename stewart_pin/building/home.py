@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.closure.configurations import clipped, limit_violations, random_configuration, unwound
 from stewart_pin.closure.newton import Closure, System, close_loops, loop_system, solve
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.chain import ClosedChain
@@ -87,7 +88,7 @@ def home_guess(chain: ClosedChain) -> Configuration:
     MechanismError
         If a value has the wrong size.
     """
-    q = _clip(chain, pin.neutral(chain.model))
+    q = clipped(chain, pin.neutral(chain.model))
     for name, values in chain.mechanism.home.items():
         if chain.mechanism.joint(name).kind is JointKind.FIXED:
             continue
@@ -123,7 +124,7 @@ def _guesses(chain: ClosedChain, given: np.ndarray) -> Iterator[Configuration]:
         return
     rng = np.random.default_rng(0)
     for _ in range(_ATTEMPTS):
-        yield np.where(_in_configuration(chain, given), first, _random_configuration(chain, rng))
+        yield np.where(_in_configuration(chain, given), first, random_configuration(chain, rng))
 
 
 def _close(chain: ClosedChain, guess: Configuration, given: np.ndarray) -> Closure:
@@ -137,11 +138,11 @@ def _close(chain: ClosedChain, guess: Configuration, given: np.ndarray) -> Closu
         closure = close_loops(chain, near, throw=False)
         if not closure.success:
             break
-        q = np.where(held, closure.q, _unwound(chain, closure.q))
+        q = np.where(held, closure.q, unwound(chain, closure.q))
         closure = replace(closure, q=q)
         if not _beyond_limits(chain, q):
             break
-        start = np.where(held, guess, _clip(chain, q))
+        start = np.where(held, guess, clipped(chain, q))
     return closure
 
 
@@ -164,36 +165,6 @@ def _hold(chain: ClosedChain, guess: Configuration, given: np.ndarray) -> Config
     return solve(chain, guess, System(evaluate, sizes, "the home configuration")).q
 
 
-def _clip(chain: ClosedChain, q: Configuration) -> Configuration:
-    """Move coordinates outside their limits to the middle of the range, or to the limit of a range without end."""
-    lower, upper = chain.model.lowerPositionLimit, chain.model.upperPositionLimit
-    inside = np.clip(q, lower, upper)
-    bounded = np.isfinite(lower) & np.isfinite(upper)
-    middle = (np.where(bounded, lower, inside) + np.where(bounded, upper, inside)) / 2
-    return np.where(inside == q, q, middle)
-
-
-def _random_configuration(chain: ClosedChain, rng: np.random.Generator) -> Configuration:
-    """Draw every coordinate within its limits, or within a quarter turn, or 1.6 robot sizes, of neutral."""
-    reach = rng.uniform(-1, 1, chain.nv) * chain.tangent_scale
-    q = _clip(chain, pin.integrate(chain.model, pin.neutral(chain.model), np.pi / 2 * reach))
-    lower, upper = chain.model.lowerPositionLimit, chain.model.upperPositionLimit
-    bounded = np.isfinite(lower) & np.isfinite(upper)
-    low, high = np.where(bounded, lower, q), np.where(bounded, upper, q)
-    return low + rng.uniform(size=chain.nq) * (high - low)
-
-
-def _unwound(chain: ClosedChain, q: Configuration) -> Configuration:
-    """Take whole turns out of revolute joints: nearest to zero, or to the middle of the range."""
-    q = q.copy()
-    for joint in chain.mechanism.joints:
-        if joint.kind is JointKind.REVOLUTE:
-            at = chain.model.joints[chain.model.getJointId(joint.name)].idx_q
-            middle = (joint.lower + joint.upper) / 2 if np.isfinite([joint.lower, joint.upper]).all() else 0.0
-            q[at] -= 2 * np.pi * np.round((q[at] - middle) / (2 * np.pi))
-    return q
-
-
 def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, given: np.ndarray) -> str:
     moved = np.abs(pin.difference(chain.model, guess, q) / chain.tangent_scale) * given
     if moved.max(initial=0.0) <= _CLOSED_IN_FILE:
@@ -203,13 +174,6 @@ def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, given: np
 
 
 def _beyond_limits(chain: ClosedChain, q: Configuration) -> str:
-    for joint in chain.mechanism.joints:
-        if joint.has_axis:
-            held = chain.model.joints[chain.model.getJointId(joint.name)]
-            value, slack = q[held.idx_q], _CLOSED_IN_FILE * chain.tangent_scale[held.idx_v]
-            if not joint.lower - slack <= value <= joint.upper + slack:
-                return (
-                    f"joint '{joint.name}' would stand at {value:.6g}, beyond its limits {joint.lower:.6g} "
-                    f"to {joint.upper:.6g}"
-                )
+    for name, (value, lower, upper) in limit_violations(chain, q, _CLOSED_IN_FILE).items():
+        return f"joint '{name}' would stand at {value:.6g}, beyond its limits {lower:.6g} to {upper:.6g}"
     return ""

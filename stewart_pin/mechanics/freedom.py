@@ -13,7 +13,7 @@ import numpy as np
 
 from stewart_pin.closure.equations import row_sizes
 from stewart_pin.closure.newton import RANK
-from stewart_pin.mechanics.kinematics import motion_matrix
+from stewart_pin.mechanics.platform import motion_matrix
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Literal, overload
 
 import numpy as np
 import pinocchio as pin
 
 from stewart_pin.checks import as_array
-from stewart_pin.closure.equations import gap_from_data, jacobian_from_data, loop_bias, row_sizes
-from stewart_pin.closure.newton import RANK, Closure, System, close_loops, solve
+from stewart_pin.closure.configurations import limit_violations
+from stewart_pin.closure.equations import loop_bias
+from stewart_pin.closure.newton import RANK, Closure, System, close_loops
 from stewart_pin.errors import ClosureError, UnreachableError
+from stewart_pin.mechanics.demands import approach, motor_system, pose_system
+from stewart_pin.mechanics.forward_solutions import ForwardSolutions, all_forward_kinematics
+from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from stewart_pin.model.chain import ClosedChain, as_configuration, as_pose
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
@@ -19,8 +23,6 @@ _CONSISTENT = 1e-8
 """Part of a demanded motion that may be left over by round-off, relative to its size."""
 _AT_LIMIT = 1e-9
 """Excess over a joint limit that is still round-off, in robot sizes or radians."""
-_STAGES = (4, 16)
-"""Numbers of steps towards a demand, tried in order where the demand at once fails."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,15 +129,31 @@ def inverse_kinematics(
     def demand(share: float) -> System:
         # The end of the path is the pose itself, not its logarithm's exponential.
         target = pose if share == 1.0 else here * pin.exp6(share * twist)
-        return _with_pose(chain, target)
+        return pose_system(chain, target)
 
-    closure = _approach(chain, start, demand, throw=throw)
+    closure = approach(chain, start, demand, throw=throw)
     return _within_limits(chain, closure, throw=throw) if limits else closure
 
 
+@overload
 def forward_kinematics(
-    chain: ClosedChain, q_motor: ArrayLike, *, q_guess: ArrayLike | None = None, throw: bool = True
-) -> Closure:
+    chain: ClosedChain,
+    q_motor: ArrayLike,
+    *,
+    q_guess: ArrayLike | None = None,
+    throw: bool = True,
+    all: Literal[False] = False,
+) -> Closure: ...
+@overload
+def forward_kinematics(chain: ClosedChain, q_motor: ArrayLike, *, all: Literal[True]) -> ForwardSolutions: ...
+def forward_kinematics(
+    chain: ClosedChain,
+    q_motor: ArrayLike,
+    *,
+    q_guess: ArrayLike | None = None,
+    throw: bool = True,
+    all: bool = False,
+) -> Closure | ForwardSolutions:
     """Find the whole configuration of given motor positions, on the assembly mode of the guess.
 
     Parameters
@@ -148,11 +166,14 @@ def forward_kinematics(
         (nq,) configuration to start from [m, rad, unit quaternions]; default: home.
     throw
         Whether failure raises; otherwise it is returned with ``success=False``.
+    all
+        Whether to search other assembly modes as well, from many starts: `all_forward_kinematics`.
 
     Returns
     -------
-    Closure
-        Configuration and residual reached; `platform_pose` gives the pose.
+    Closure or ForwardSolutions
+        Configuration and residual reached, `platform_pose` gives the pose; with ``all`` every configuration found,
+        which may not be every one there is.
 
     Raises
     ------
@@ -160,13 +181,15 @@ def forward_kinematics(
         If the loops do not close on these motor positions; carries the residual reached.
     """
     target = as_array("q_motor", q_motor, (chain.nu,))
+    if all:
+        return all_forward_kinematics(chain, target)
     start = _start(chain, q_guess)
     begin = motor_positions(chain, start)
 
     def demand(share: float) -> System:
-        return _with_motors(chain, target if share == 1.0 else begin + share * (target - begin))
+        return motor_system(chain, target if share == 1.0 else begin + share * (target - begin))
 
-    return _approach(chain, start, demand, throw=throw)
+    return approach(chain, start, demand, throw=throw)
 
 
 def platform_motion(
@@ -241,117 +264,11 @@ def motor_jacobian(chain: ClosedChain, q: ArrayLike) -> FloatArray:
     return spread[chain.motor_index][:, chain.nc :]
 
 
-def motion_matrix(chain: ClosedChain, q: Configuration) -> FloatArray:
-    """Stack the loop Jacobian on the platform Jacobian.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration [m, rad, unit quaternions].
-
-    Returns
-    -------
-    numpy.ndarray
-        (nc + 6, nv) rates of the gap in loop frames 1, then twist in world axes [per m/s or rad/s].
-    """
-    data = pin.Data(chain.model)
-    pin.computeJointJacobians(chain.model, data, q)
-    pin.updateFramePlacement(chain.model, data, chain.platform_id)
-    return np.vstack([jacobian_from_data(chain, data), _platform_jacobian(chain, data)])
-
-
-def platform_bias(chain: ClosedChain, q: Configuration, v: Tangent) -> FloatArray:
-    """Compute the platform's acceleration that is there without tangent acceleration.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration [m, rad, unit quaternions].
-    v
-        (nv,) tangent velocity [m/s, rad/s].
-
-    Returns
-    -------
-    numpy.ndarray
-        (6,) classical acceleration of the platform origin and angular acceleration, world axes [m/s², rad/s²].
-    """
-    data = pin.Data(chain.model)
-    pin.forwardKinematics(chain.model, data, q, v, np.zeros(chain.nv))
-    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    return pin.getFrameClassicalAcceleration(chain.model, data, chain.platform_id, axes).vector
-
-
-def _platform_jacobian(chain: ClosedChain, data: pin.Data) -> FloatArray:
-    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    # Pinocchio hands a matrix of one column over as a vector.
-    return pin.getFrameJacobian(chain.model, data, chain.platform_id, axes).reshape(6, -1)
-
-
-def _with_pose(chain: ClosedChain, target: pin.SE3) -> System:
-    """Loops, and the platform frame at its target: position error [m], rotation vector of R R_targetᵀ [rad]."""
-
-    def evaluate(data: pin.Data, q: Configuration) -> tuple[FloatArray, FloatArray]:
-        here = pin.updateFramePlacement(chain.model, data, chain.platform_id)
-        turn = here.rotation @ target.rotation.T
-        angle = pin.log3(turn)
-        jacobian = _platform_jacobian(chain, data).copy()
-        # d log3(R) = Jlog3(R) ω_body, with ω_body = Rᵀ ω_world of the error rotation.
-        jacobian[3:] = pin.Jlog3(turn) @ turn.T @ jacobian[3:]
-        residual = np.concatenate([gap_from_data(chain, data), here.translation - target.translation, angle])
-        return residual, np.vstack([jacobian_from_data(chain, data), jacobian])
-
-    sizes = np.concatenate([row_sizes(chain), np.full(3, chain.length_scale), np.ones(3)])
-    return System(evaluate, sizes, "the pose")
-
-
-def _with_motors(chain: ClosedChain, target: FloatArray) -> System:
-    rows = np.eye(chain.nv)[chain.motor_index]
-
-    def evaluate(data: pin.Data, q: Configuration) -> tuple[FloatArray, FloatArray]:
-        residual = np.concatenate([gap_from_data(chain, data), q[chain.motor_q_index] - target])
-        return residual, np.vstack([jacobian_from_data(chain, data), rows])
-
-    sizes = np.concatenate([row_sizes(chain), chain.tangent_scale[chain.motor_index]])
-    return System(evaluate, sizes, "the motor positions")
-
-
-def _approach(
-    chain: ClosedChain, start: Configuration, demand: Callable[[float], System], *, throw: bool
-) -> Closure:
-    """Solve for the demand at once, or failing that through intermediate ones."""
-    direct = closure = solve(chain, start, demand(1.0))
-    iterations = closure.iterations
-    for stages in _STAGES:
-        if closure.success:
-            break
-        closure = replace(closure, q=start)
-        for k in range(1, stages + 1):
-            closure = solve(chain, closure.q, demand(k / stages))
-            iterations += closure.iterations
-            if not closure.success:
-                break
-    # Of failures the direct one tells most: how near to the demand itself the chain can come.
-    closure = replace(closure if closure.success else direct, iterations=iterations)
-    return closure.or_raise(demand(1.0).demand) if throw else closure
-
-
 def _within_limits(chain: ClosedChain, closure: Closure, *, throw: bool) -> Closure:
     if not closure.success:
         return closure
-    model, q = chain.model, closure.q
-    violations: dict[str, tuple[float, float, float]] = {}
-    for name, joint in zip(model.names[1:], model.joints[1:], strict=True):
-        if joint.nq != 1:
-            continue
-        k = joint.idx_q
-        low, high = float(model.lowerPositionLimit[k]), float(model.upperPositionLimit[k])
-        slack = _AT_LIMIT * chain.tangent_scale[joint.idx_v]
-        if not low - slack <= q[k] <= high + slack:
-            violations[name] = (float(q[k]), low, high)
+    q = closure.q
+    violations = limit_violations(chain, q, _AT_LIMIT)
     if not violations:
         return closure
     if throw:

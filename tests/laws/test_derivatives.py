@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.mechanics.kinematics import motion_matrix, platform_bias
+from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from tests.closed_states import along, close, derivative
 from tests.laws.conftest import Case
 

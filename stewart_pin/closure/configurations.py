@@ -1,0 +1,108 @@
+"""Configurations and the limits of their joints: random ones, and ones brought into range."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.description import JointKind
+from stewart_pin.typing import Configuration
+
+
+def limit_violations(
+    chain: ClosedChain, q: Configuration, slack: float
+) -> dict[str, tuple[float, float, float]]:
+    """List the one-freedom joints that are beyond their limits.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+    slack
+        Excess that is let pass, in robot sizes or radians [dimensionless].
+
+    Returns
+    -------
+    dict
+        ``{joint: (value, lower, upper)}`` [m or rad].
+    """
+    violations: dict[str, tuple[float, float, float]] = {}
+    for joint in chain.mechanism.joints:
+        if joint.has_axis:
+            entry = chain.model.joints[chain.model.getJointId(joint.name)]
+            value, excess = float(q[entry.idx_q]), slack * chain.tangent_scale[entry.idx_v]
+            if not joint.lower - excess <= value <= joint.upper + excess:
+                violations[joint.name] = (value, joint.lower, joint.upper)
+    return violations
+
+
+def clipped(chain: ClosedChain, q: Configuration) -> Configuration:
+    """Move coordinates outside their limits to the middle of the range, or to the limit of a range without end.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nq,) configuration [m, rad, unit quaternions].
+    """
+    lower, upper = chain.model.lowerPositionLimit, chain.model.upperPositionLimit
+    inside = np.clip(q, lower, upper)
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    middle = (np.where(bounded, lower, inside) + np.where(bounded, upper, inside)) / 2
+    return np.where(inside == q, q, middle)
+
+
+def random_configuration(chain: ClosedChain, rng: np.random.Generator) -> Configuration:
+    """Draw every coordinate within its limits, or within a quarter turn, or 1.6 robot sizes, of neutral.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    rng
+        Source of randomness.
+
+    Returns
+    -------
+    numpy.ndarray
+        (nq,) configuration, loops open [m, rad, unit quaternions].
+    """
+    reach = rng.uniform(-1, 1, chain.nv) * chain.tangent_scale
+    q = clipped(chain, pin.integrate(chain.model, pin.neutral(chain.model), np.pi / 2 * reach))
+    lower, upper = chain.model.lowerPositionLimit, chain.model.upperPositionLimit
+    bounded = np.isfinite(lower) & np.isfinite(upper)
+    low, high = np.where(bounded, lower, q), np.where(bounded, upper, q)
+    return low + rng.uniform(size=chain.nq) * (high - low)
+
+
+def unwound(chain: ClosedChain, q: Configuration) -> Configuration:
+    """Take whole turns out of revolute joints: nearest to zero, or to the middle of the range.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nq,) configuration [m, rad, unit quaternions].
+    """
+    q = q.copy()
+    for joint in chain.mechanism.joints:
+        if joint.kind is JointKind.REVOLUTE:
+            at = chain.model.joints[chain.model.getJointId(joint.name)].idx_q
+            middle = (joint.lower + joint.upper) / 2 if np.isfinite([joint.lower, joint.upper]).all() else 0.0
+            q[at] -= 2 * np.pi * np.round((q[at] - middle) / (2 * np.pi))
+    return q

@@ -1,0 +1,138 @@
+"""Several configurations of the same motor positions, of any chain, by many starts. Never a promise to have all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.checks import as_array
+from stewart_pin.closure.configurations import limit_violations, random_configuration, unwound
+from stewart_pin.closure.newton import Closure, solve
+from stewart_pin.errors import InputError
+from stewart_pin.mechanics.demands import motor_system
+from stewart_pin.mechanics.freedom import analyse_freedom
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray
+
+_SAME = 1e-6
+"""Configurations nearer than this are one: Newton's residual of 1e-14 moves a double root by its square root [1]."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForwardSolutions:
+    """Configurations found for given motor positions.
+
+    Attributes
+    ----------
+    closures
+        One per configuration, those found most often first.
+    poses
+        Platform frame in the world of each.
+    hits
+        Number of starts that led to each.
+    starts
+        Number of starts.
+    complete
+        Always False: many starts find solutions, they cannot prove that there are no others.
+    missed_share
+        Estimated probability that one more start would find a new one: solutions seen once, per start that
+        converged (Good and Turing). A small number makes further solutions unlikely, not impossible.
+    """
+
+    closures: tuple[Closure, ...]
+    poses: tuple[pin.SE3, ...]
+    hits: tuple[int, ...]
+    starts: int
+    missed_share: float
+    complete: bool = False
+
+
+def all_forward_kinematics(
+    chain: ClosedChain, q_motor: ArrayLike, *, starts: int = 200, seed: int = 0, limits: bool = True
+) -> ForwardSolutions:
+    """Search configurations of given motor positions from seeded random starts.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q_motor
+        (nu,) motor positions in the order of ``chain.motors`` [m or rad].
+    starts
+        Number of starts: home, and random configurations, within the joint limits where there are any.
+    seed
+        Of the random starts.
+    limits
+        Whether joint limits must hold. Without limits, legs on universal joints stand in two ways for every pose.
+
+    Returns
+    -------
+    ForwardSolutions
+        Distinct configurations; links that only idle freedoms move are not told apart. For six-legged platforms
+        `assembly_modes` finds all of them, with proof.
+
+    Raises
+    ------
+    InputError
+        If there is no start.
+    """
+    target = as_array("q_motor", q_motor, (chain.nu,))
+    if starts < 1:
+        raise InputError(f"starts must be 1 or more, got {starts}")
+    rng = np.random.default_rng(seed)
+    system = motor_system(chain, target)
+    told_apart = _joints_told_apart(chain)
+    found: list[tuple[FloatArray, Closure]] = []
+    hits: list[int] = []
+    for start in range(starts):
+        guess = chain.q_home if start == 0 else random_configuration(chain, rng)
+        closure = solve(chain, guess, system)
+        closure = replace(closure, q=unwound(chain, closure.q))
+        if not closure.success or (limits and limit_violations(chain, closure.q, _SAME)):
+            continue
+        mark = _placements(chain, closure.q, told_apart)
+        for k, (other, _) in enumerate(found):
+            if np.abs(mark - other).max(initial=0.0) < _SAME:
+                hits[k] += 1
+                break
+        else:
+            found.append((mark, closure))
+            hits.append(1)
+    order = np.argsort(-np.array(hits), kind="stable")
+    closures = tuple(found[k][1] for k in order)
+    return ForwardSolutions(
+        closures=closures,
+        poses=tuple(_pose(chain, closure.q) for closure in closures),
+        hits=tuple(hits[k] for k in order),
+        starts=starts,
+        missed_share=hits.count(1) / sum(hits) if hits else 1.0,
+    )
+
+
+def _joints_told_apart(chain: ClosedChain) -> np.ndarray:
+    """Joints whose placement no idle freedom changes."""
+    idle = np.abs(analyse_freedom(chain, chain.q_home).idle).max(axis=1, initial=0.0) > _SAME
+    moved = np.zeros(chain.model.njoints, dtype=bool)
+    for k in range(1, chain.model.njoints):
+        joint = chain.model.joints[k]
+        moved[k] = moved[chain.model.parents[k]] or idle[joint.idx_v : joint.idx_v + joint.nv].any()
+    return np.flatnonzero(~moved)[1:]
+
+
+def _placements(chain: ClosedChain, q: Configuration, joints: np.ndarray) -> FloatArray:
+    """Rotations and translations (in robot sizes) of joints and platform: the same for the same configuration."""
+    data = pin.Data(chain.model)
+    pin.forwardKinematics(chain.model, data, q)
+    frames = [data.oMi[int(k)] for k in joints]
+    frames.append(pin.updateFramePlacement(chain.model, data, chain.platform_id))
+    return np.concatenate(
+        [np.append(frame.rotation.ravel(), frame.translation / chain.length_scale) for frame in frames]
+    )
+
+
+def _pose(chain: ClosedChain, q: Configuration) -> pin.SE3:
+    data = pin.Data(chain.model)
+    pin.forwardKinematics(chain.model, data, q)
+    return pin.SE3(pin.updateFramePlacement(chain.model, data, chain.platform_id))
