@@ -96,6 +96,13 @@ def conditioning(chain: stp.ClosedChain, q: np.ndarray) -> float:
     return analyse_freedom(chain, q).smallest_singular_value
 
 
+def smallest_inertia(chain: stp.ClosedChain, q: np.ndarray) -> float:
+    """Return the smallest inertia of all motions that keep the loops closed, lengths in robot sizes [kg m²]."""
+    motions = analyse_freedom(chain, q).motions
+    upper = np.triu(np.reshape(pin.crba(chain.model, pin.Data(chain.model), q), (chain.nv, chain.nv)))
+    return float(np.linalg.eigvalsh(motions.T @ (upper + np.triu(upper, 1).T) @ motions)[0])
+
+
 def _walk_to_singularity(chain: stp.ClosedChain, rng: np.random.Generator) -> np.ndarray:
     """From the worst conditioned of some random configurations, down the slope of the smallest singular value."""
     q = min((random_configuration(chain, rng, 0.4) for _ in range(10)), key=lambda q: conditioning(chain, q))

@@ -120,6 +120,35 @@ def arm(rng: np.random.Generator, joints: int = 3, *, tool_inertia: bool = False
     return build_chain(Mechanism("arm", links, (*tree, tool), platform="tool"))
 
 
+def rotary_hexapod() -> stp.ClosedChain:
+    """Build a platform on six driven cranks and six rods with balls at both ends, which may spin: six idle freedoms."""
+    crank, rod_length, height = 0.12, 0.45, 0.4
+    links = [Link("ground"), Link("platform", pin.Inertia(3.0, np.zeros(3), np.diag([0.05, 0.05, 0.08])))]
+    joints = [Joint("pose", FREE, "ground", "platform", ONE)]
+    loops, home = [], {"pose": [0, 0, height, 0, 0, 0, 1]}
+    for k in range(6):
+        # Feet and heads in pairs, the pairs of heads turned by 60° against those of the feet.
+        foot_angle = 2 * np.pi * (k // 2) / 3 + (0.25 if k % 2 else -0.25)
+        head_angle = 2 * np.pi * (k // 2) / 3 + (np.pi / 3 - 0.2 if k % 2 else -np.pi / 3 + 0.2)
+        foot = 0.3 * np.array([np.cos(foot_angle), np.sin(foot_angle), 0])
+        head = 0.2 * np.array([np.cos(head_angle), np.sin(head_angle), 0])
+        facing = pin.exp3(np.array([0, 0, foot_angle + (np.pi / 2 if k % 2 else -np.pi / 2)]))
+        links += [Link(f"crank{k}", rod(crank, 0.3)), Link(f"rod{k}", rod(rod_length, 0.2))]
+        joints += [
+            Joint(f"motor{k}", R, "ground", f"crank{k}", pin.SE3(facing, foot), Y, independent=True),
+            Joint(f"elbow{k}", S, f"crank{k}", f"rod{k}", at(crank)),
+        ]
+        loops.append(Loop(f"ball{k}", S, "platform", f"rod{k}", pin.SE3(np.eye(3), head), at(rod_length)))
+        elbow = foot + facing @ [crank, 0, 0]
+        towards = facing.T @ (head + [0, 0, height] - elbow)
+        towards /= np.linalg.norm(towards)
+        home[f"elbow{k}"] = pin.Quaternion.FromTwoVectors(X, towards).coeffs()
+        home[f"motor{k}"] = [0.0]
+    motors = tuple(f"motor{k}" for k in range(6))
+    parts = tuple(links), tuple(joints), tuple(loops)
+    return _near(Mechanism("rotary_hexapod", *parts, platform="platform"), home, motors)
+
+
 def _near(
     mechanism: Mechanism, home: dict[str, list[float]], motors: tuple[str, ...] | None = None
 ) -> stp.ClosedChain:

@@ -167,14 +167,14 @@ def _value(chain, q, joint: Joint, carrier: str, hook: str, link: str, there: pi
 def _frame(chain: stp.ClosedChain, q: np.ndarray, link: str, placement: pin.SE3) -> pin.SE3:
     data = pin.Data(chain.model)
     pin.framesForwardKinematics(chain.model, data, q)
-    return data.oMf[chain.model.getFrameId(link)] * placement
+    return data.oMf[chain.model.getFrameId(link, pin.FrameType.BODY)] * placement
 
 
 def carry_over(
     chain: stp.ClosedChain, other: stp.ClosedChain, q: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Translate a state to the other cut: joints that both have keep their values, loops give the rest."""
-    guess = other.q_home.copy()
+    guess, link = other.q_home.copy(), chain.platform
     kept_v: list[int] = []
     v_other, a_other = np.zeros(other.nv), np.zeros(other.nv)
     for name, joint in zip(other.model.names[1:], other.model.joints[1:], strict=True):
@@ -191,9 +191,27 @@ def carry_over(
             there = next(j.placement for j in other.mechanism.joints if j.parent == hung.child).inverse()
             guess[to_q] = _value(chain, q, hung, hung.parent, hung.child, link, there)
     q_other = stp.close_loops(other, guess).q
-    jacobian = stp.loop_jacobian(other, q_other)
+    # The link that hangs elsewhere moves as before: its twist and acceleration give those of its new joint.
     new = np.setdiff1d(np.arange(other.nv), kept_v)
-    v_other[new] = np.linalg.lstsq(jacobian[:, new], -jacobian @ v_other, rcond=None)[0]
-    bias = stp.loop_bias(other, q_other, v_other)
-    a_other[new] = np.linalg.lstsq(jacobian[:, new], -(jacobian @ a_other + bias), rcond=None)[0]
+    jacobian = _frame_jacobian(other, q_other, link)
+    missing = _frame_motion(chain, q, v, a, link)[0] - jacobian @ v_other
+    v_other[new] = np.linalg.lstsq(jacobian[:, new], missing, rcond=None)[0]
+    missing = (
+        _frame_motion(chain, q, v, a, link)[1] - _frame_motion(other, q_other, v_other, a_other, link)[1]
+    )
+    a_other[new] = np.linalg.lstsq(jacobian[:, new], missing, rcond=None)[0]
     return q_other, v_other, a_other
+
+
+def _frame_jacobian(chain: stp.ClosedChain, q: np.ndarray, link: str) -> np.ndarray:
+    axes, data = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED, pin.Data(chain.model)
+    frame = chain.model.getFrameId(link, pin.FrameType.BODY)
+    return pin.computeFrameJacobian(chain.model, data, q, frame, axes).reshape(6, -1)
+
+
+def _frame_motion(chain: stp.ClosedChain, q, v, a, link: str) -> tuple[np.ndarray, np.ndarray]:
+    axes, data = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED, pin.Data(chain.model)
+    frame = chain.model.getFrameId(link, pin.FrameType.BODY)
+    pin.forwardKinematics(chain.model, data, q, v, a)
+    twist = pin.getFrameVelocity(chain.model, data, frame, axes).vector
+    return twist, pin.getFrameClassicalAcceleration(chain.model, data, frame, axes).vector

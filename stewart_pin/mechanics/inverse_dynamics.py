@@ -41,7 +41,9 @@ def inverse_dynamics(
         (nu,) or one number: largest absolute motor effort; redundant motors then share within it, method
         ``"pinocchio"`` only [N or N m].
     throw
-        Whether motors that cannot hold the robot are an error; otherwise least squares, with the residual.
+        Whether motors that cannot hold the robot are an error. Otherwise ``"pinocchio"`` keeps the demanded motion,
+        with efforts by least squares and what they leave over in ``residual``; ``"constraint_matrix"`` keeps the
+        motors' part of it, and ``a`` tells how the rest then moves.
 
     Returns
     -------

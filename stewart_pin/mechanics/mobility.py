@@ -99,7 +99,9 @@ def _redundant_rows(chain: ClosedChain, q: Configuration, rank: int) -> tuple[st
 
 
 def _idle_names(chain: ClosedChain, q: Configuration, freedom: Freedom) -> tuple[str, ...]:
-    return tuple(_describe(chain, q, motion) for motion in _sparse_basis(freedom.idle).T)
+    # In robot sizes, so that the unit of length does not decide which vectors make the basis.
+    scale = chain.tangent_scale[:, None]
+    return tuple(_describe(chain, q, motion) for motion in (scale * _sparse_basis(freedom.idle / scale)).T)
 
 
 def _sparse_basis(columns: FloatArray) -> FloatArray:
@@ -124,8 +126,9 @@ def _describe(chain: ClosedChain, q: Configuration, motion: FloatArray) -> str:
     twists: dict[str, FloatArray] = {}
     for link in chain.mechanism.links:
         frame = model.getFrameId(link.name, pin.FrameType.BODY)
-        twist = pin.getFrameVelocity(model, data, frame, pin.ReferenceFrame.WORLD).vector
-        if np.abs(twist).max() > _REST * np.abs(motion).max():
+        twist = pin.getFrameVelocity(model, data, frame, pin.ReferenceFrame.WORLD).vector.copy()
+        twist[:3] /= chain.length_scale
+        if np.abs(twist).max() > _REST * np.abs(motion / chain.tangent_scale).max():
             twists[link.name] = twist
     bodies = [name for name in twists if chain.mechanism.link(name).inertia is not None] or list(twists)
     first = twists[bodies[0]]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from tests.closed_states import POSES, conditioning, configuration, random_motion, robot
+from tests.closed_states import POSES, conditioning, configuration, random_motion, robot, smallest_inertia
 
 
 @dataclass(frozen=True)
@@ -44,5 +44,13 @@ def held(case: Case) -> Case:
 
 
 def round_off(case: Case, generic: float) -> float:
-    """Scale a tolerance: next to a singularity efforts grow, and so do the accelerations of their round-off."""
+    """Scale a tolerance on efforts: next to a singularity they are large, and so is their round-off."""
     return generic * max(1.0, 0.01 / conditioning(case.chain, case.q))
+
+
+def round_off_of_accelerations(case: Case, generic: float, effort: stp.Effort) -> float:
+    """Scale a tolerance on accelerations: the round-off of large reactions moves a thin rod that may spin the most."""
+    chain = case.chain
+    push = max(np.abs(effort.tau_motor).max(), chain.length_scale * np.abs(effort.lambda_c).max(initial=0.0))
+    least = 10 * np.finfo(float).eps * push / smallest_inertia(chain, case.q)
+    return max(round_off(case, generic), least / np.abs(effort.a / chain.tangent_scale).max())

@@ -9,7 +9,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.model.description import JointKind
 from tests.closed_states import robot
-from tests.mechanisms import arm, five_bar, four_bar
+from tests.mechanisms import arm, five_bar, four_bar, rotary_hexapod
 
 
 @pytest.mark.parametrize("name", ["stewart", "stewart_cad", "stewart_s1"])
@@ -67,3 +67,10 @@ def test_a_home_with_lost_freedoms() -> None:
     q = stp.inverse_kinematics(chain, pose, limits=False).q
     found = stp.mobility(stp.ClosedChain(chain.mechanism, chain.model, chain.motors, chain.platform, q))
     assert found.home_singular and found.motors_sufficient and found.dof == 6
+
+
+def test_rods_with_balls_at_both_ends_may_spin() -> None:
+    """Six idle freedoms that no motor's joint takes part in: the passive joints are more than the equations."""
+    found = stp.mobility(rotary_hexapod())
+    assert found.dof == 12 and found.motors_sufficient and found.redundant_rows == 0
+    assert found.idle == tuple(f"rod{k}: spin about its axis" for k in range(6))
