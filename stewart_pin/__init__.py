@@ -64,5 +64,8 @@ from stewart_pin.motion.trajectories import sample_times as sample_times
 from stewart_pin.motion.trajectories import sinusoidal_motion as sinusoidal_motion
 from stewart_pin.studies.comparison import Comparison as Comparison
 from stewart_pin.studies.comparison import compare_methods as compare_methods
+from stewart_pin.geometry.planar import PlanarRPR as PlanarRPR
+from stewart_pin.geometry.planar import planar_leg_jacobian as planar_leg_jacobian
+from stewart_pin.geometry.planar import planar_leg_lengths as planar_leg_lengths
 
 __version__ = "0.1.0"

@@ -1,0 +1,193 @@
+"""Closed forms of the planar 3-RPR platform, for any batch shape.
+
+Leg *i* runs from a fixed anchor to a corner of the platform; its length is driven. A pose is the position of
+the platform frame's origin and the angle of its x axis, both in the base frame.
+
+References
+----------
+.. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, section 4.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stewart_pin.checks import as_array, as_batch, as_positive
+from stewart_pin.errors import InputError, SingularityError
+from stewart_pin.typing import ArrayLike, FloatArray
+
+_SIDE_MISMATCH = 1e-9
+"""Relative misfit of three sides and an angle that still counts as rounding of printed figures."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarRPR:
+    """Geometry of a planar platform on three legs.
+
+    Neither the first anchor nor the first corner has to stand at an origin.
+
+    Attributes
+    ----------
+    anchors
+        (3, 2) fixed leg ends, in the base frame [m].
+    corners
+        (3, 2) moving leg ends, in the platform frame [m].
+    """
+
+    anchors: FloatArray
+    corners: FloatArray
+
+    def __post_init__(self) -> None:
+        for name in ("anchors", "corners"):
+            points = as_array(name, getattr(self, name), (3, 2)).copy()
+            points.setflags(write=False)
+            object.__setattr__(self, name, points)
+
+    @classmethod
+    def from_sides(
+        cls, l1: float, l2: float, l3: float, gamma: float, x1: float, x2: float, y2: float
+    ) -> PlanarRPR:
+        """Build a platform from the sides of its triangle, with the first anchor at the origin.
+
+        The platform frame stands in the first corner, its x axis points to the second.
+
+        Parameters
+        ----------
+        l1
+            Side between the second and the third corner [m]; it follows from the rest and is checked.
+        l2
+            Side between the first and the third corner [m].
+        l3
+            Side between the first and the second corner [m].
+        gamma
+            Angle at the first corner, opposite `l1` [rad].
+        x1
+            Second anchor at (x1, 0), in the base frame [m].
+        x2, y2
+            Third anchor, in the base frame [m].
+
+        Returns
+        -------
+        PlanarRPR
+            Legs in the order of the anchors.
+
+        Raises
+        ------
+        InputError
+            If a side is not above zero, or the first side does not close the triangle.
+        """
+        l1, l2, l3 = as_positive("l1", l1), as_positive("l2", l2), as_positive("l3", l3)
+        gamma, x1, x2, y2 = as_array("(gamma, x1, x2, y2)", [gamma, x1, x2, y2], (4,))
+        third = l2 * np.array([np.cos(gamma), np.sin(gamma)])
+        closing = float(np.hypot(third[0] - l3, third[1]))
+        if abs(closing - l1) > _SIDE_MISMATCH * max(l1, l2, l3):
+            raise InputError(
+                f"l1 must close the triangle: l2, l3 and gamma give {closing:.12g}, got {l1:.12g}"
+            )
+        return cls(np.array([[0.0, 0.0], [x1, 0.0], [x2, y2]]), np.array([[0.0, 0.0], [l3, 0.0], third]))
+
+
+def planar_legs(planar: PlanarRPR, position: ArrayLike, angle: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Compute the vectors along the legs and the arms to the corners.
+
+    Parameters
+    ----------
+    planar
+        Geometry.
+    position
+        (..., 2) platform origin in the base frame [m].
+    angle
+        (...) of the platform x axis in the base frame [rad].
+
+    Returns
+    -------
+    legs : numpy.ndarray
+        (..., 3, 2) from anchor to corner, in the base frame [m].
+    arms : numpy.ndarray
+        (..., 3, 2) from platform origin to corner, in the base frame [m].
+
+    Raises
+    ------
+    InputError
+        If a shape is wrong, or the batch shapes do not fit each other.
+    """
+    position, angle = as_batch("position", position, (2,)), as_batch("angle", angle, ())
+    try:
+        np.broadcast_shapes(position.shape[:-1], angle.shape)
+    except ValueError:
+        raise InputError(
+            f"batch shapes do not fit each other: position {position.shape[:-1]}, angle {angle.shape}"
+        ) from None
+    c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
+    x, y = planar.corners.T
+    arms = np.stack([c * x - s * y, s * x + c * y], axis=-1)
+    return position[..., None, :] + arms - planar.anchors, arms
+
+
+def planar_leg_lengths(planar: PlanarRPR, position: ArrayLike, angle: ArrayLike) -> FloatArray:
+    """Compute the three leg lengths of a pose: l = |p + R(θ) c - a|.
+
+    Parameters
+    ----------
+    planar
+        Geometry.
+    position
+        (..., 2) platform origin in the base frame [m].
+    angle
+        (...) of the platform x axis in the base frame [rad].
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 3) lengths [m].
+
+    Examples
+    --------
+    >>> planar = PlanarRPR([[0, 0], [4, 0], [0, 4]], [[0, 0], [1, 0], [0, 1]])
+    >>> planar_leg_lengths(planar, [0.0, 3.0], 0.0)
+    array([3.        , 4.24264069, 0.        ])
+    """
+    legs, _ = planar_legs(planar, position, angle)
+    return np.hypot(legs[..., 0], legs[..., 1])
+
+
+def planar_leg_jacobian(planar: PlanarRPR, position: ArrayLike, angle: ArrayLike) -> FloatArray:
+    """Compute the map from platform velocity to leg rates.
+
+    Row *i* is [uᵀ, arm × u] with u the unit vector along leg *i* from anchor to corner [1]_.
+
+    Parameters
+    ----------
+    planar
+        Geometry.
+    position
+        (..., 2) platform origin in the base frame [m].
+    angle
+        (...) of the platform x axis in the base frame [rad].
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 3, 3) leg rates [m/s] per velocity [vx, vy, ω] of the platform origin in base axes [m/s, rad/s].
+
+    Raises
+    ------
+    SingularityError
+        If a leg has no length, and therefore no direction.
+
+    References
+    ----------
+    .. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., 2006, section 5.3 (inverse Jacobian).
+    """
+    legs, arms = planar_legs(planar, position, angle)
+    lengths = np.hypot(legs[..., 0], legs[..., 1])
+    if (lengths == 0.0).any():
+        leg = int(np.argwhere(lengths == 0.0)[0][-1])
+        raise SingularityError(
+            f"leg {leg} has length zero and no direction; move the platform", smallest_singular_value=0.0
+        )
+    u = legs / lengths[..., None]
+    moment = arms[..., 0] * u[..., 1] - arms[..., 1] * u[..., 0]
+    return np.concatenate([u, moment[..., None]], axis=-1)
