@@ -67,5 +67,10 @@ from stewart_pin.studies.comparison import compare_methods as compare_methods
 from stewart_pin.geometry.planar import PlanarRPR as PlanarRPR
 from stewart_pin.geometry.planar import planar_leg_jacobian as planar_leg_jacobian
 from stewart_pin.geometry.planar import planar_leg_lengths as planar_leg_lengths
+from stewart_pin.geometry.planar_modes import PlanarModes as PlanarModes
+from stewart_pin.geometry.planar_modes import PlanarModesBatch as PlanarModesBatch
+from stewart_pin.geometry.planar_modes import planar_assembly_modes as planar_assembly_modes
+from stewart_pin.geometry.planar_modes import planar_assembly_modes_batch as planar_assembly_modes_batch
+from stewart_pin.geometry.planar_polynomial import planar_pose_polynomial as planar_pose_polynomial
 
 __version__ = "0.1.0"
