@@ -72,5 +72,7 @@ from stewart_pin.geometry.planar_modes import PlanarModesBatch as PlanarModesBat
 from stewart_pin.geometry.planar_modes import planar_assembly_modes as planar_assembly_modes
 from stewart_pin.geometry.planar_modes import planar_assembly_modes_batch as planar_assembly_modes_batch
 from stewart_pin.geometry.planar_polynomial import planar_pose_polynomial as planar_pose_polynomial
+from stewart_pin.geometry.planar_transitions import PlanarTransitions as PlanarTransitions
+from stewart_pin.geometry.planar_transitions import planar_transition_lengths as planar_transition_lengths
 
 __version__ = "0.1.0"
