@@ -7,6 +7,7 @@ from stewart_pin import errors as errors
 from stewart_pin import viz as viz
 from stewart_pin.building.exporting import export as export
 from stewart_pin.building.exporting import write_urdf as write_urdf
+from stewart_pin.building.floating_base import on_floating_base as on_floating_base
 from stewart_pin.building.from_hexapod import hexapod_chain as hexapod_chain
 from stewart_pin.building.loading import load as load
 from stewart_pin.building.resources import robots as robots
