@@ -29,6 +29,10 @@ from stewart_pin.geometry.hexapod_dynamics import HexapodForces as HexapodForces
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics as hexapod_inverse_dynamics
 from stewart_pin.geometry.leg_motion import leg_accelerations as leg_accelerations
 from stewart_pin.geometry.leg_motion import leg_rates as leg_rates
+from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion as BaseMotion
+from stewart_pin.mechanics.articulated_body.trees import (
+    articulated_body_acceleration as articulated_body_acceleration,
+)
 from stewart_pin.mechanics.constrained import forward_dynamics as forward_dynamics
 from stewart_pin.mechanics.constraint_matrix.system import ConstraintMatrixSystem as ConstraintMatrixSystem
 from stewart_pin.mechanics.constraint_matrix.system import (
