@@ -30,6 +30,9 @@ from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics as he
 from stewart_pin.geometry.leg_motion import leg_accelerations as leg_accelerations
 from stewart_pin.geometry.leg_motion import leg_rates as leg_rates
 from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion as BaseMotion
+from stewart_pin.mechanics.articulated_body.loops import (
+    closed_chain_articulated_body as closed_chain_articulated_body,
+)
 from stewart_pin.mechanics.articulated_body.trees import (
     articulated_body_acceleration as articulated_body_acceleration,
 )
