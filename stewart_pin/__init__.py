@@ -29,6 +29,11 @@ from stewart_pin.geometry.hexapod_dynamics import HexapodForces as HexapodForces
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics as hexapod_inverse_dynamics
 from stewart_pin.geometry.leg_motion import leg_accelerations as leg_accelerations
 from stewart_pin.geometry.leg_motion import leg_rates as leg_rates
+from stewart_pin.geometry.serial import ArmBranches as ArmBranches
+from stewart_pin.geometry.serial import ArmReach as ArmReach
+from stewart_pin.geometry.serial import planar_arm_branches as planar_arm_branches
+from stewart_pin.geometry.serial import planar_arm_configurations as planar_arm_configurations
+from stewart_pin.geometry.serial import planar_arm_pose as planar_arm_pose
 from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion as BaseMotion
 from stewart_pin.mechanics.articulated_body.loops import (
     closed_chain_articulated_body as closed_chain_articulated_body,
