@@ -34,6 +34,9 @@ from stewart_pin.geometry.serial import ArmReach as ArmReach
 from stewart_pin.geometry.serial import planar_arm_branches as planar_arm_branches
 from stewart_pin.geometry.serial import planar_arm_configurations as planar_arm_configurations
 from stewart_pin.geometry.serial import planar_arm_pose as planar_arm_pose
+from stewart_pin.geometry.serial_velocities import LinkVelocities as LinkVelocities
+from stewart_pin.geometry.serial_velocities import spatial_arm_jacobian as spatial_arm_jacobian
+from stewart_pin.geometry.serial_velocities import spatial_arm_velocities as spatial_arm_velocities
 from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion as BaseMotion
 from stewart_pin.mechanics.articulated_body.loops import (
     closed_chain_articulated_body as closed_chain_articulated_body,
