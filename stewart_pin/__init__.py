@@ -90,5 +90,7 @@ from stewart_pin.geometry.planar_modes import planar_assembly_modes_batch as pla
 from stewart_pin.geometry.planar_polynomial import planar_pose_polynomial as planar_pose_polynomial
 from stewart_pin.geometry.planar_transitions import PlanarTransitions as PlanarTransitions
 from stewart_pin.geometry.planar_transitions import planar_transition_lengths as planar_transition_lengths
+from stewart_pin.geometry.hexapod_pose import HexapodPose as HexapodPose
+from stewart_pin.geometry.hexapod_pose import hexapod_pose as hexapod_pose
 
 __version__ = "0.1.0"

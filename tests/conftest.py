@@ -41,3 +41,13 @@ def report_ideal() -> stp.Hexapod:
                 [-.125, -11*s/40, 0], [-.475, 3*s/40, 0], [-.35, s/5, 0]]
     # fmt: on
     return stp.Hexapod(np.array(base), np.array(platform))
+
+
+@pytest.fixture
+def source_hexapod() -> stp.Hexapod:
+    """Return the planar–planar robot of S1.8, in its own unit of length."""
+    # fmt: off
+    platform = [[0, 0, 0], [0, 4, 0], [-16, 13, 0], [-19, 11, 0], [-19, -7, 0], [-16, -9, 0]]
+    base = [[0, 0, 0], [0, 28, 0], [-6, 31, 0], [-30, 17, 0], [-30, 11, 0], [-6, -3, 0]]
+    # fmt: on
+    return stp.Hexapod(np.array(base, dtype=float), np.array(platform, dtype=float))

@@ -1,0 +1,315 @@
+"""One pose of a six-legged platform from its leg lengths, in double precision or to any number of digits.
+
+Levenberg–Marquardt on the six leg equations; the pose moves on the manifold, R ← exp(ω) R. Steps are clamped
+and may not change the sign of det J, so the answer lies on the guess's side of every singularity.
+
+References
+----------
+.. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, section 4.4 (numerical direct kinematics).
+.. [2] K. Madsen, H. B. Nielsen, O. Tingleff, "Methods for Non-Linear Least Squares Problems",
+   DTU, 2004, chapter 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from stewart_pin.checks import as_array
+from stewart_pin.errors import ClosureError, InputError, SingularityError
+from stewart_pin.geometry.hexapod import Hexapod, leg_jacobian, leg_lengths
+from stewart_pin.geometry.multiprecision import refine_pose
+from stewart_pin.geometry.rotations import as_rotation
+from stewart_pin.typing import ArrayLike, FloatArray
+
+_SINGULAR = 1e-9
+"""Smallest over largest singular value of the scaled leg Jacobian below which a pose counts as singular."""
+_MAX_TURN = 0.3
+"""Greatest turn in one step [rad]; the greatest shift is this times the size of the robot."""
+_ROUND_OFF = 16 * np.finfo(float).eps
+"""Residual over the size of the robot that double precision can reach."""
+
+
+@dataclass(frozen=True, eq=False)
+class HexapodPose:
+    """A pose of the platform; unpacks as ``position, rotation``.
+
+    Attributes
+    ----------
+    position
+        (3,) platform origin in the base frame [m].
+    rotation
+        (3, 3) platform axes in the base frame.
+    residual
+        Norm of the six leg-length errors reached [m].
+    residuals
+        The same after every step, the guess first [m].
+    iterations
+        Steps taken.
+    success
+        Whether the tolerance was met.
+    decimals
+        Decimal strings of ``x y z`` [m] and ``psi theta phi`` [rad] with R = Rz(ψ) Ry(θ) Rx(φ), when digits
+        were asked for; else None.
+    """
+
+    position: FloatArray
+    rotation: FloatArray
+    residual: float
+    residuals: tuple[float, ...]
+    iterations: int
+    success: bool
+    decimals: dict[str, str] | None = None
+
+    def __iter__(self) -> Iterator[FloatArray]:
+        return iter((self.position, self.rotation))
+
+    def __len__(self) -> int:
+        return 2
+
+    def __getitem__(self, index: int | slice) -> FloatArray | tuple[FloatArray, ...]:
+        return (self.position, self.rotation)[index]
+
+
+def hexapod_pose(
+    hexapod: Hexapod,
+    lengths: ArrayLike,
+    *,
+    guess: tuple[ArrayLike, ArrayLike],
+    digits: int | None = None,
+    tolerance: float | None = None,
+    max_iterations: int = 100,
+    throw: bool = True,
+) -> HexapodPose:
+    """Find the pose near a guess that has the given leg lengths.
+
+    Parameters
+    ----------
+    hexapod
+        Geometry.
+    lengths
+        (6,) leg lengths [m].
+    guess
+        Position (3,) in the base frame [m] and rotation (3, 3) to start from.
+    digits
+        Refine in multiprecision until the residual is below 10 to the power of minus this many [m];
+        needs the extra ``precision``.
+    tolerance
+        Norm of the leg-length errors to reach in double precision [m]; default: round-off.
+    max_iterations
+        Greatest number of steps in double precision.
+    throw
+        Raise when the search fails; else return the best pose with ``success=False``.
+
+    Returns
+    -------
+    HexapodPose
+        Unpacks as ``position, rotation``.
+
+    Raises
+    ------
+    ClosureError
+        If the lengths were not reached on this side of the singularities.
+    SingularityError
+        If the search began or ended at a singular pose.
+
+    Examples
+    --------
+    >>> hexapod = Hexapod(np.eye(6, 3), np.roll(np.eye(6, 3), 1, axis=0) + np.arange(6)[:, None] ** 2 / 20)
+    >>> lengths = leg_lengths(hexapod, [0.0, 0.1, 2.0], np.eye(3))
+    >>> position, rotation = hexapod_pose(hexapod, lengths, guess=([0.0, 0.0, 2.0], np.eye(3)))
+    >>> position.round(9)
+    array([0. , 0.1, 2. ])
+    """
+    wanted = as_leg_lengths(lengths, (6,))
+    position = as_array("guess[0]", guess[0], (3,))
+    rotation = as_rotation("guess[1]", guess[1])
+    if digits is not None and not 1 <= digits <= 10_000:
+        raise InputError(f"digits must lie between 1 and 10000, got {digits}")
+    size = robot_size(hexapod, wanted)
+    goal = tolerance if tolerance is not None else _ROUND_OFF * size
+    position, rotation, residuals = _descend(hexapod, wanted, position, rotation, goal, max_iterations, size)
+    pose = HexapodPose(
+        position, rotation, residuals[-1], residuals, len(residuals) - 1, bool(residuals[-1] <= goal)
+    )
+    if not pose.success:
+        return _fail(hexapod, pose, goal, throw)
+    return pose if digits is None else _with_digits(hexapod, wanted, pose, digits)
+
+
+def as_leg_lengths(lengths: ArrayLike, shape: tuple[int | None, ...]) -> FloatArray:
+    """Check leg lengths: finite and above zero.
+
+    Parameters
+    ----------
+    lengths
+        What the caller passed [m].
+    shape
+        Required shape; None stands for any length.
+
+    Returns
+    -------
+    numpy.ndarray
+        The value as float64 [m].
+
+    Raises
+    ------
+    InputError
+        If a length is zero or negative.
+    """
+    array = as_array("lengths", lengths, shape)
+    if (array <= 0.0).any():
+        where = tuple(int(i) for i in np.argwhere(array <= 0.0)[0])
+        raise InputError(f"lengths must be above zero, got {array[where]} at index {where}")
+    return array
+
+
+def robot_size(hexapod: Hexapod, lengths: FloatArray) -> float:
+    """Give one length that scales all others: the greatest of the two point clouds and the legs.
+
+    Parameters
+    ----------
+    hexapod
+        Geometry.
+    lengths
+        (..., 6) leg lengths [m].
+
+    Returns
+    -------
+    float
+        The size [m].
+    """
+    clouds = (hexapod.base_points, hexapod.platform_points)
+    return float(max([np.abs(c - c.mean(axis=0)).max() for c in clouds] + [lengths.max()]))
+
+
+def scaled_jacobian(hexapod: Hexapod, position: FloatArray, rotation: FloatArray, size: float) -> FloatArray:
+    """Compute the leg Jacobian with turns measured in units of 1/size, so that its rows have no unit.
+
+    Parameters
+    ----------
+    hexapod
+        Geometry.
+    position
+        (..., 3) platform origin in the base frame [m].
+    rotation
+        (..., 3, 3) platform axes in the base frame.
+    size
+        Length that turns a turn into a shift [m].
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 6, 6) dimensionless.
+    """
+    jacobian = leg_jacobian(hexapod, position, rotation)
+    jacobian[..., 3:] /= size
+    return jacobian
+
+
+def move(position: FloatArray, rotation: FloatArray, step: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Move a pose by a displacement of the platform origin and a turn in base axes.
+
+    Parameters
+    ----------
+    position
+        (3,) platform origin in the base frame [m].
+    rotation
+        (3, 3) platform axes in the base frame.
+    step
+        (6,) shift [m] and turn [rad].
+
+    Returns
+    -------
+    position : numpy.ndarray
+        (3,) moved origin in the base frame [m].
+    rotation : numpy.ndarray
+        (3, 3) exp(turn) R.
+    """
+    return position + step[:3], Rotation.from_rotvec(step[3:]).as_matrix() @ rotation
+
+
+def _descend(
+    hexapod: Hexapod,
+    wanted: FloatArray,
+    position: FloatArray,
+    rotation: FloatArray,
+    goal: float,
+    max_iterations: int,
+    size: float,
+) -> tuple[FloatArray, FloatArray, tuple[float, ...]]:
+    gap = leg_lengths(hexapod, position, rotation) - wanted
+    jacobian = scaled_jacobian(hexapod, position, rotation, size)
+    _require_regular(jacobian, "the guess")
+    side = np.linalg.slogdet(jacobian)[0]
+    residuals, damping = [float(np.linalg.norm(gap))], 0.0
+    while len(residuals) <= max_iterations and damping < 1e8 and residuals[-1] > goal:
+        step = _clamped_step(jacobian, gap, damping, size)
+        trial = move(position, rotation, step)
+        trial_gap = leg_lengths(hexapod, *trial) - wanted
+        trial_jacobian = scaled_jacobian(hexapod, *trial, size)
+        better = np.linalg.norm(trial_gap) < residuals[-1]
+        # A step across det J = 0 would land in another assembly mode.
+        if not better or np.linalg.slogdet(trial_jacobian)[0] != side:
+            if np.linalg.norm(step[:3]) < _ROUND_OFF * size and np.linalg.norm(step[3:]) < _ROUND_OFF:
+                break
+            damping = max(10.0 * damping, 1e-6)
+            continue
+        position, rotation = trial
+        gap, jacobian, damping = trial_gap, trial_jacobian, 0.1 * damping if damping > 1e-9 else 0.0
+        residuals.append(float(np.linalg.norm(gap)))
+    return position, rotation, tuple(residuals)
+
+
+def _clamped_step(jacobian: FloatArray, gap: FloatArray, damping: float, size: float) -> FloatArray:
+    u, s, vt = np.linalg.svd(jacobian)
+    weights = s / (s**2 + damping * s[0] ** 2) if damping > 0.0 else 1.0 / np.maximum(s, 1e-14 * s[0])
+    step = -(vt.T * weights) @ (u.T @ gap)
+    step *= min(1.0, _MAX_TURN * size / max(np.linalg.norm(step), 1e-300))
+    step[3:] /= size
+    return step
+
+
+def _require_regular(jacobian: FloatArray, where: str) -> None:
+    singular = np.linalg.svd(jacobian, compute_uv=False)
+    if singular[-1] <= _SINGULAR * singular[0]:
+        raise SingularityError(
+            f"{where} is a singular pose (smallest singular value {singular[-1]:.3g} of the leg Jacobian, "
+            f"turns in units of the robot's size); lengths do not fix the pose there, start elsewhere",
+            smallest_singular_value=float(singular[-1]),
+        )
+
+
+def _fail(hexapod: Hexapod, pose: HexapodPose, goal: float, throw: bool) -> HexapodPose:
+    if not throw:
+        return pose
+    size = robot_size(hexapod, leg_lengths(hexapod, pose.position, pose.rotation))
+    _require_regular(scaled_jacobian(hexapod, pose.position, pose.rotation, size), "the end of the search")
+    quaternion = Rotation.from_matrix(pose.rotation).as_quat()
+    raise ClosureError(
+        f"no pose with these leg lengths was reached: residual {pose.residual:.3g} m after {pose.iterations} "
+        f"steps (tolerance {goal:.3g} m); give a guess on the solution's side of the singularities, or list "
+        f"all poses with assembly_modes",
+        residual=pose.residual,
+        iterations=pose.iterations,
+        q=np.concatenate([pose.position, quaternion]),
+    )
+
+
+def _with_digits(hexapod: Hexapod, wanted: FloatArray, pose: HexapodPose, digits: int) -> HexapodPose:
+    refined = refine_pose(
+        hexapod.base_points, hexapod.platform_points, wanted, pose.position, pose.rotation, digits=digits
+    )
+    residuals = pose.residuals + refined.residuals
+    return HexapodPose(
+        refined.position,
+        refined.rotation,
+        residuals[-1],
+        residuals,
+        len(residuals) - 1,
+        True,
+        refined.decimals,
+    )
