@@ -1,0 +1,144 @@
+r"""Prove that a solution exists: Newton–Kantorovich bounds with all round-off accounted for.
+
+In the chart where the largest rotation coordinate is one, the seven quadrics are F(z) = 0, z ∈ R⁷. With Y ≈ F'(z̃)⁻¹,
+
+.. math:: \eta \ge |Y F(\tilde z)|, \quad Z_0 \ge |1 - Y F'(\tilde z)|, \quad Z_2 \ge |Y F''|, \qquad
+          \eta + Z_0 r + \tfrac12 Z_2 r^2 \le r, \quad Z_0 + Z_2 r < 1
+
+prove that z ↦ z - Y F(z) is a contraction of the ball of radius r about z̃, hence that exactly one solution lies in
+it. F has degree two, so the bound on F'' holds everywhere. Round-off of every evaluated sum of products is at most
+γₙ = n u / (1 - n u) times the sum of the absolute values, with n the number of roundings on the way of a term [2]_.
+
+References
+----------
+.. [1] S. M. Rump, "Verification methods: rigorous results using floating-point arithmetic", Acta Numerica 19, 2010,
+   section 13.
+.. [2] N. J. Higham, "Accuracy and Stability of Numerical Algorithms", 2nd ed., SIAM, 2002, section 3.1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stewart_pin.analysis.assembly_modes.study import half_gradient, operators
+from stewart_pin.typing import FloatArray
+
+_ROUNDINGS = 64
+"""No term of any sum below is rounded more often: parameters 4, legs 6, gradients 8, residuals 8, products with Y 8."""
+_GAMMA = _ROUNDINGS * 2.0**-53 / (1.0 - _ROUNDINGS * 2.0**-53)
+_UP = 1.0 + 1e-12
+"""Covers the roundings of the bounds themselves, all of which are sums of positive numbers."""
+_FREE = np.array([[c for c in range(8) if c != k] for k in range(4)])
+"""Study coordinates that remain when rotation coordinate k is one."""
+_GREATEST_RADIUS = 1e-6
+"""A certificate over a larger ball is true but too vague to tell two solutions apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Certificates:
+    """What was proven about approximate real solutions.
+
+    Attributes
+    ----------
+    points
+        (n, 8) polished Study coordinates, the largest rotation coordinate one.
+    converged
+        (n,) whether Newton's method settled.
+    certified
+        (n,) whether a solution within `radius` is proven.
+    radius
+        (n,) bound on the error of every Study coordinate; infinite without a proof [-].
+    """
+
+    points: FloatArray
+    converged: NDArray[np.bool_]
+    certified: NDArray[np.bool_]
+    radius: FloatArray
+
+
+def certify(base: FloatArray, platform: FloatArray, lengths: FloatArray, points: FloatArray) -> Certificates:
+    """Polish approximate real solutions and prove that each has a true one next to it.
+
+    Parameters
+    ----------
+    base, platform
+        (6, 3) leg ends about their centres, each in its own frame, without unit; off by one rounding at most.
+    lengths
+        (6,) leg lengths in the same unit; exact.
+    points
+        (n, 8) real Study coordinates.
+
+    Returns
+    -------
+    Certificates
+        In the order of `points`.
+    """
+    n = len(points)
+    chart = np.argmax(np.abs(points[:, :4]), axis=1)
+    x = points / points[np.arange(n), chart][:, None]
+    matrices, squares = operators(platform - base, platform + base), lengths**2
+    rows, free = np.arange(n)[:, None], _FREE[chart]
+    picked = rows[:, :, None], np.arange(7)[:, None], free[:, None, :]
+    with np.errstate(all="ignore"):
+        for _ in range(2):
+            gradient = half_gradient(matrices, squares, x)
+            inverse = _inverse(2.0 * gradient[picked])
+            step = -(inverse @ (gradient @ x[:, :, None]))[:, :, 0]
+            x[rows, free] += step
+        size = np.abs(x).max(axis=1, initial=1.0)
+        converged = np.isfinite(x).all(axis=1) & (np.abs(step).max(axis=1, initial=0.0) < 1e-6 * size)
+        x[~converged] = points[~converged]
+        radius = _radius(base, platform, squares, matrices, x, inverse, picked)
+    certified = converged & (radius < _GREATEST_RADIUS * size)
+    return Certificates(x, converged, certified, np.where(certified, radius, np.inf))
+
+
+def _radius(
+    base: FloatArray,
+    platform: FloatArray,
+    squares: FloatArray,
+    matrices: FloatArray,
+    x: FloatArray,
+    inverse: FloatArray,
+    picked: tuple[NDArray[np.intp], ...],
+) -> FloatArray:
+    """Find a radius for which the inequalities hold; not a number or infinite where there is none."""
+    sizes = np.abs(operators(np.abs(base) + np.abs(platform), np.abs(base) + np.abs(platform)))
+    gradient, gradient_size = (
+        half_gradient(matrices, squares, x),
+        _half_gradient_size(sizes, squares, np.abs(x)),
+    )
+    y = np.abs(inverse)
+    residual = np.abs(gradient @ x[:, :, None]) + _GAMMA * (gradient_size @ np.abs(x)[:, :, None])
+    jacobian, jacobian_size = 2.0 * gradient[picked], 2.0 * gradient_size[picked]
+    eta = (y @ residual)[:, :, 0].max(axis=1, initial=0.0) * _UP
+    defect = np.abs(np.eye(7) - inverse @ jacobian) + _GAMMA * (np.eye(7) + y @ jacobian_size)
+    z0 = defect.sum(axis=2).max(axis=1, initial=0.0) * _UP
+    # |F''(v, v)| ≤ 2 Σ|Q| |v|²: the half-gradient of the point of ones, with all signs positive.
+    curvature = 2.0 * _half_gradient_size(sizes, squares, np.ones((1, 8))).sum(axis=2)
+    z2 = (y @ curvature[0]).max(axis=1, initial=0.0) * _UP
+    radius = 2.0 * eta / (1.0 - z0)
+    holds = (z0 < 1.0) & ((eta + z0 * radius + 0.5 * z2 * radius**2) * _UP <= radius)
+    holds &= (z0 + z2 * radius) * _UP < 1.0
+    return np.where(holds, radius, np.inf)
+
+
+def _half_gradient_size(sizes: FloatArray, squares: FloatArray, x: FloatArray) -> FloatArray:
+    """Evaluate the half-gradients with every term positive."""
+    e, h = x[:, :4], x[:, 4:]
+    legs = h[:, None, :] + (e @ sizes.reshape(24, 4).T).reshape(-1, 6, 4)
+    out = np.empty((len(x), 7, 8))
+    out[:, :6, :4] = (sizes @ legs[..., None])[..., 0] + squares[:, None] * e[:, None, :]
+    out[:, :6, 4:] = legs
+    out[:, 6, :4], out[:, 6, 4:] = h / 2, e / 2
+    return out
+
+
+def _inverse(matrix: FloatArray) -> FloatArray:
+    try:
+        return np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        return np.linalg.pinv(matrix)

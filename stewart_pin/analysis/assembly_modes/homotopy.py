@@ -1,0 +1,285 @@
+"""Follow the solutions of seven quadrics in P⁷ while their parameters move: NumPy, all paths side by side.
+
+The homotopy parameter τ runs from 1 (start) to 0 (target). Each step expands every path in a Taylor series, sums the
+tail of the series as a geometric one, and corrects with two Newton steps. The step length comes from the radius of
+convergence that the series shows, so it shrinks before a singular point and not after it; a step whose first
+correction is large, or whose second does not shrink quadratically, is refused: that is what keeps two paths apart.
+
+References
+----------
+.. [1] A. J. Sommese, C. W. Wampler, "The Numerical Solution of Systems of Polynomials", World Scientific, 2005, ch. 2, 7.
+.. [2] S. Timme, "Mixed precision path tracking for polynomial homotopy continuation", Adv. Comput. Math. 47, 2021
+   (step control from the local error of the predictor and the contraction of the corrector).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform, operators
+from stewart_pin.typing import FloatArray
+
+
+@dataclass(frozen=True)
+class TrackerSettings:
+    """How carefully to follow a path.
+
+    Attributes
+    ----------
+    order
+        Order of the Taylor series.
+    contraction
+        Newton corrections must shrink at least by twice this factor [-].
+    largest_error
+        Relative prediction error aimed at; five times as much is refused [-].
+    reach
+        Greatest step over the radius of convergence [-].
+    least_tau
+        Value of τ at which a path that has not arrived is left [-].
+    max_steps
+        Steps after which a path is left.
+    """
+
+    order: int = 6
+    contraction: float = 0.06
+    largest_error: float = 1e-2
+    reach: float = 0.6
+    least_tau: float = 1e-13
+    max_steps: int = 600
+
+
+DEFAULT = TrackerSettings()
+ROUND_OFF = 1e-9
+"""A relative Newton correction below this is round-off of an ill-conditioned point, not a sign of divergence."""
+MAX_REFUSALS = 8
+"""A path whose step was refused this often in a row is stuck at a singular point."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tracked:
+    """Where the paths ended.
+
+    Attributes
+    ----------
+    points
+        (n, 8) last Study coordinates, of Hermitian norm one.
+    tau
+        (n,) homotopy parameter reached; 0 means that the path arrived.
+    steps
+        (n,) steps taken, refused ones included.
+    """
+
+    points: ComplexArray
+    tau: FloatArray
+    steps: FloatArray
+
+
+def track(
+    start: StudyPlatform, target: StudyPlatform, points: ComplexArray, settings: TrackerSettings
+) -> Tracked:
+    """Follow solutions of one platform to another along the straight line between their parameters.
+
+    Parameters
+    ----------
+    start, target
+        The two ends.
+    points
+        (n, 8) solutions of `start`.
+    settings
+        How carefully.
+
+    Returns
+    -------
+    Tracked
+        In the order of `points`.
+    """
+    quadrics = _quadrics(start, target)
+    n = len(points)
+    x, tau = _normalised(points), np.ones(n)
+    state = {"curvature": np.full(n, 2.0), "scale": np.ones(n), "cap": np.ones(n)}
+    steps, refusals = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
+    active = np.arange(n)
+    with np.errstate(all="ignore"):  # a refused step may overflow
+        while active.size:
+            local = {name: values[active] for name, values in state.items()}
+            trial, trial_tau, good = _step(quadrics, x[active], tau[active], local, settings)
+            for name, values in local.items():
+                state[name][active] = values
+            steps[active] += 1
+            x[active[good]], tau[active[good]] = trial[good], trial_tau[good]
+            refusals[active] = np.where(good, 0, refusals[active] + 1)
+            left = (tau < settings.least_tau) | (refusals >= MAX_REFUSALS) | (steps > settings.max_steps)
+            active = active[~left[active]]
+        arrived = np.flatnonzero(tau == 0.0)
+        for _ in range(2):
+            x[arrived] = _normalised(
+                x[arrived] + _correction(quadrics, np.zeros(arrived.size), x[arrived])[0]
+            )
+    return Tracked(x, tau, steps)
+
+
+def tangent(
+    start: StudyPlatform, target: StudyPlatform, points: ComplexArray, tau: FloatArray
+) -> ComplexArray:
+    """Compute the derivative of the paths with respect to τ.
+
+    Parameters
+    ----------
+    start, target
+        The two ends.
+    points
+        (n, 8) points of the paths.
+    tau
+        (n,) where they are [-].
+
+    Returns
+    -------
+    numpy.ndarray
+        (n, 8) derivative, orthogonal to the point.
+    """
+    with np.errstate(all="ignore"):
+        return -_series(_quadrics(start, target), tau, _normalised(points), 1)[1]
+
+
+def _quadrics(start: StudyPlatform, target: StudyPlatform) -> list[ComplexArray]:
+    """Expand the symmetric matrices of the quadrics in powers of τ; each (8, 56) for points @ matrix."""
+    m0 = operators(target.difference, target.total).astype(complex)
+    m1 = operators(start.difference, start.total) - m0
+    powers = [np.zeros((7, 8, 8), dtype=complex) for _ in range(3 if m1.any() else 2)]
+    transposed = np.swapaxes(m0, 1, 2), np.swapaxes(m1, 1, 2)
+    powers[0][:6] = np.block(
+        [[transposed[0] @ m0, transposed[0]], [m0, np.broadcast_to(np.eye(4), m0.shape)]]
+    )
+    powers[0][6] = np.kron([[0, 1], [1, 0]], np.eye(4)) / 2
+    if m1.any():
+        cross = transposed[0] @ m1
+        powers[1][:6] = np.block([[cross + np.swapaxes(cross, 1, 2), transposed[1]], [m1, np.zeros_like(m1)]])
+        powers[2][:6, :4, :4] = transposed[1] @ m1
+    powers[0][:6, :4, :4] -= target.squares[:, None, None] * np.eye(4)
+    powers[1][:6, :4, :4] -= (start.squares - target.squares)[:, None, None] * np.eye(4)
+    return [np.ascontiguousarray(q.reshape(56, 8).T) for q in powers]
+
+
+def _normalised(x: ComplexArray) -> ComplexArray:
+    return x / np.linalg.norm(x, axis=1, keepdims=True)
+
+
+def _bordered(gradient: ComplexArray, x: ComplexArray) -> ComplexArray:
+    """Add the moving patch: a correction is orthogonal to the point."""
+    matrix = np.empty((len(x), 8, 8), dtype=complex)
+    matrix[:, :7] = gradient.reshape(-1, 7, 8)
+    matrix[:, 7] = x.conj()
+    return matrix
+
+
+def _at(quadrics: list[ComplexArray], tau: FloatArray, x: ComplexArray) -> ComplexArray:
+    """Evaluate half the gradients, (n, 56), by Horner's rule in τ."""
+    value = x @ quadrics[-1]
+    for q in quadrics[-2::-1]:
+        value = value * tau[:, None] + x @ q
+    return value
+
+
+def _correction(
+    quadrics: list[ComplexArray], tau: FloatArray, x: ComplexArray
+) -> tuple[ComplexArray, FloatArray]:
+    matrix = _bordered(_at(quadrics, tau, x), x)
+    residual = matrix @ x[:, :, None]
+    residual[:, 7] = 0.0
+    try:
+        step = -0.5 * np.linalg.solve(matrix, residual)[:, :, 0]
+    except np.linalg.LinAlgError:
+        step = -0.5 * (np.linalg.pinv(matrix) @ residual)[:, :, 0]
+    return step, np.linalg.norm(step, axis=1)
+
+
+def _series(quadrics: list[ComplexArray], tau: FloatArray, x: ComplexArray, order: int) -> list[ComplexArray]:
+    """Expand the paths in s = τ - τ_new, coefficient by coefficient; one matrix serves them all."""
+    n, t = len(x), tau[:, None]
+    stacked = np.hstack(quadrics)
+    terms = [_shifted(x, t, stacked)]
+    matrix = _bordered(terms[0][0], x)
+    inverse = _inverse(matrix)[:, :, :7]
+    # Cauchy products as one product of long rows: block j of `rows` is the gradient at x_j, and the
+    # columns hold the series backwards, so that row blocks 1..j meet x_(j-1)..x_0.
+    rows = np.zeros((n, 7, 8 * (order + 1)), dtype=complex)
+    columns = np.zeros((n, 8 * (order + 1), 1), dtype=complex)
+    columns[:, -8:, 0] = x
+    series = [x]
+    for j in range(1, order + 1):
+        known = terms[j - 1][1]
+        if len(quadrics) == 3 and j > 1:
+            known = known + terms[j - 2][2]
+        block = slice(8 * j, 8 * j + 8)
+        rows[:, :, block] = known.reshape(n, 7, 8)
+        total = rows[:, :, 8 : 8 * j + 8] @ columns[:, -8 * j :]
+        x_j = (inverse @ total)[:, :, 0] * -0.5
+        series.append(x_j)
+        if j < order:
+            columns[:, -8 * j - 8 : -8 * j, 0] = x_j
+            terms.append(_shifted(x_j, t, stacked))
+            rows[:, :, block] += terms[j][0].reshape(n, 7, 8)
+    return series
+
+
+def _shifted(v: ComplexArray, t: FloatArray, stacked: ComplexArray) -> list[ComplexArray]:
+    """Compute the coefficients of Q(τ - s) v in powers of s."""
+    products = v @ stacked
+    a, b = products[:, :56], products[:, 56:112]
+    if stacked.shape[1] == 112:
+        return [a + t * b, -b]
+    c = products[:, 112:]
+    tc = t * c
+    return [a + t * (b + tc), -(b + 2.0 * tc), c]
+
+
+def _inverse(matrix: ComplexArray) -> ComplexArray:
+    try:
+        return np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        return np.linalg.pinv(matrix)
+
+
+def _step(
+    quadrics: list[ComplexArray],
+    x: ComplexArray,
+    tau: FloatArray,
+    state: dict[str, FloatArray],
+    settings: TrackerSettings,
+) -> tuple[ComplexArray, FloatArray, NDArray[np.bool_]]:
+    """Try one step of every path; `state` learns from it."""
+    order, tiny = settings.order, 1e-300
+    series = _series(quadrics, tau, x, order)
+    last, before = (np.linalg.norm(series[j], axis=1) + tiny for j in (order, order - 1))
+    growth = last / before
+    ratio = np.einsum("ni,ni->n", series[order - 1].conj(), series[order]) / before**2
+    aim = np.minimum(settings.largest_error, settings.contraction / state["curvature"])
+    length = (aim / (state["scale"] * last * growth)) ** (1.0 / (order + 1))
+    length = np.minimum(np.minimum(length, settings.reach / growth), state["cap"])
+    arrives = length >= tau
+    length = np.where(arrives, tau, length)
+    tau_new = np.where(arrives, 0.0, tau - length)
+    s = length[:, None]
+    y = series[order] / (1.0 - ratio[:, None] * s)
+    for j in range(order - 1, -1, -1):
+        y = y * s + series[j]
+    y = _normalised(y)
+    step, first = _correction(quadrics, tau_new, y)
+    y = y + step
+    step, second = _correction(quadrics, tau_new, y)
+    y = _normalised(y + step)
+    curvature = second / np.maximum(first, tiny) ** 2
+    tells = (first > 1e-7) & np.isfinite(second)
+    good = first < 5.0 * settings.largest_error
+    good &= second <= np.maximum(2.0 * settings.contraction * first, ROUND_OFF)
+    good &= np.where(tells, curvature, state["curvature"]) * second**2 < ROUND_OFF
+    learnt = np.clip(np.maximum(curvature, 0.5 * state["curvature"]), 0.5, 1e6)
+    state["curvature"] = np.where(tells, learnt, state["curvature"])
+    predicted = np.maximum(state["scale"] * last * growth * length ** (order + 1), tiny)
+    learnt = state["scale"] * np.clip(np.nan_to_num(first, nan=np.inf) / predicted, 0.2, 5.0)
+    state["scale"] = np.clip(learnt, 1e-3, 1e3)
+    state["cap"] = np.where(good, 1.0, 0.4 * length)
+    return y, tau_new, good

@@ -1,0 +1,203 @@
+"""All poses of a six-legged platform that share six leg lengths, each with a proof of its existence.
+
+A parameter homotopy in Study coordinates follows the 40 solutions of a generic complex platform to the one asked
+for [1]_; what is real among the ends is polished and certified.
+
+References
+----------
+.. [1] A. J. Sommese, C. W. Wampler, "The Numerical Solution of Systems of Polynomials", World Scientific, 2005,
+   sections 7.1 and 7.7 (coefficient-parameter homotopy; Stewart–Gough platforms).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from stewart_pin.analysis.assembly_modes.certificates import certify
+from stewart_pin.analysis.assembly_modes.dimension import lies_on_curve
+from stewart_pin.analysis.assembly_modes.endpoints import distinct
+from stewart_pin.analysis.assembly_modes.records import AssemblyModes
+from stewart_pin.analysis.assembly_modes.search import Engine, Solutions, Tracker, search, tracker_for
+from stewart_pin.analysis.assembly_modes.start_systems import StartSystem, start_systems
+from stewart_pin.analysis.assembly_modes.study import ComplexArray, Scaling, StudyPlatform
+from stewart_pin.errors import InputError
+from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
+from stewart_pin.geometry.hexapod_pose import as_leg_lengths
+from stewart_pin.typing import ArrayLike, FloatArray
+
+_REAL = 1e-5
+"""Relative imaginary part below which a solution may be real; the certificate decides."""
+_SAME_SINGULAR = 1e-4
+"""Distance within which two singular solutions, known to half the digits, are one."""
+_SEED = 7
+"""Of the generic lengths at which `AssemblySolver` prepares a geometry."""
+
+
+def assembly_modes(hexapod: Hexapod, lengths: ArrayLike, *, engine: Engine | None = None) -> AssemblyModes:
+    """Find all poses of a platform that have the given leg lengths.
+
+    Parameters
+    ----------
+    hexapod
+        Geometry.
+    lengths
+        (6,) leg lengths [m].
+    engine
+        ``"numba"`` (extra ``fast``) or ``"numpy"``; None takes numba when it is installed.
+
+    Returns
+    -------
+    AssemblyModes
+        Look at ``complete`` before relying on the number of poses.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> hexapod = Hexapod(rng.normal(size=(6, 3)), rng.normal(size=(6, 3)))
+    >>> modes = assembly_modes(hexapod, leg_lengths(hexapod, [0.1, 0.2, 1.0], np.eye(3)), engine="numpy")
+    >>> modes.n_complex, modes.complete, bool(modes.certified.all())
+    (40, True, True)
+    """
+    checked = as_leg_lengths(lengths, (6,))
+    scaling = Scaling.of(hexapod, checked)
+    return _solve(hexapod, checked, scaling, start_systems(), tracker_for(engine))
+
+
+class AssemblySolver:
+    """Find all poses of one geometry for many sets of leg lengths.
+
+    The solutions for generic complex lengths are found once; only lengths move afterwards, and only as many paths
+    are followed as the geometry has finite solutions.
+
+    Parameters
+    ----------
+    hexapod
+        Geometry.
+    engine
+        ``"numba"`` (extra ``fast``) or ``"numpy"``; None takes numba when it is installed.
+
+    Attributes
+    ----------
+    hexapod
+        Geometry.
+    n_generic
+        Number of finite complex solutions for generic lengths. Zero when the geometry is architecturally singular:
+        it then has solutions for special lengths only, and moves with all legs locked.
+    """
+
+    def __init__(self, hexapod: Hexapod, *, engine: Engine | None = None) -> None:
+        self.hexapod = hexapod
+        self._tracker = tracker_for(engine)
+        self._scaling = Scaling.of(hexapod)
+        self._starts: list[StartSystem] = []
+        self._sure = True
+        self.n_generic = len(self._start(0).points)
+
+    def solve(self, lengths: ArrayLike) -> AssemblyModes | tuple[AssemblyModes, ...]:
+        """Find all poses for one or many sets of leg lengths.
+
+        Parameters
+        ----------
+        lengths
+            (6,) or (N, 6) leg lengths [m].
+
+        Returns
+        -------
+        AssemblyModes or tuple of AssemblyModes
+            One record for (6,), N of them for (N, 6).
+
+        Raises
+        ------
+        InputError
+            If lengths have another shape.
+        """
+        if np.ndim(lengths) == 1:
+            return self._solve_one(as_leg_lengths(lengths, (6,)))
+        if np.ndim(lengths) != 2:
+            raise InputError(f"lengths must have shape (6,) or (n, 6), got {np.shape(lengths)}")
+        return tuple(self._solve_one(row) for row in as_leg_lengths(lengths, (None, 6)))
+
+    def _solve_one(self, lengths: FloatArray) -> AssemblyModes:
+        if self.n_generic == 0:
+            return assembly_modes(self.hexapod, lengths)
+        return _solve(
+            self.hexapod, lengths, self._scaling, self._lazy_starts(), self._tracker, sure=self._sure
+        )
+
+    def _lazy_starts(self) -> Iterator[StartSystem]:
+        for i in range(len(start_systems())):
+            start = self._start(i)
+            if len(start.points) == self.n_generic:
+                yield start
+
+    def _start(self, index: int) -> StartSystem:
+        while len(self._starts) <= index:
+            n = len(self._starts)
+            rng = np.random.default_rng([_SEED, n])
+            squares = 3.0 * (1.0 + 0.5 * (rng.normal(size=6) + 1j * rng.normal(size=6)) / np.sqrt(2.0))
+            platform = StudyPlatform.from_points(*self._scaling.points(self.hexapod), squares)
+            systems = start_systems()
+            found = search(platform, systems[n:] + systems[:n], self._tracker, real=False)
+            self._sure &= found.complete
+            self._starts.append(StartSystem(platform, found.regular))
+        return self._starts[index]
+
+
+def _solve(
+    hexapod: Hexapod,
+    lengths: FloatArray,
+    scaling: Scaling,
+    starts: tuple[StartSystem, ...] | Iterator[StartSystem],
+    tracker: Tracker,
+    *,
+    sure: bool = True,
+) -> AssemblyModes:
+    points, scaled = scaling.points(hexapod), lengths / scaling.size
+    platform = StudyPlatform.from_points(*points, scaled**2)
+    found = search(platform, starts, tracker, real=True)
+    clusters = _clusters(found.singular)
+    curve = any(lies_on_curve(platform, p) for p in clusters[:3])
+    if curve:
+        clusters = clusters[:0]
+    proofs = certify(*points, scaled, _real_parts(found.regular))
+    kept = proofs.certified | proofs.converged
+    once = distinct(proofs.points[kept])
+    regular, certified = proofs.points[kept][once], proofs.certified[kept][once]
+    singular = _real_parts(clusters)
+    position, rotation = scaling.pose(np.vstack([regular, singular]))
+    certified = np.concatenate([certified, np.zeros(len(singular), dtype=bool)])
+    residual = np.abs(leg_lengths(hexapod, position, rotation) - lengths).max(axis=1, initial=0.0)
+    order = np.lexsort(np.round(position / scaling.size, 9).T)[::-1]
+    return AssemblyModes(
+        position[order],
+        rotation[order],
+        residual[order],
+        certified[order],
+        len(found.regular) + len(clusters),
+        "positive-dimensional" if curve else "finite",
+        found.complete and sure,
+        found.expected,
+        found.failed,
+        found.searches,
+    )
+
+
+def _clusters(points: ComplexArray) -> ComplexArray:
+    unit = points / np.linalg.norm(points, axis=1, keepdims=True)
+    kept: list[int] = []
+    for i, u in enumerate(unit):
+        if all(1.0 - abs(u.conj() @ unit[j]) ** 2 > _SAME_SINGULAR**2 for j in kept):
+            kept.append(i)
+    return unit[kept]
+
+
+def _real_parts(points: ComplexArray) -> FloatArray:
+    """Turn the phase so that the largest rotation coordinate is one, and keep what is then nearly real."""
+    if len(points) == 0:
+        return np.empty((0, 8))
+    largest = np.argmax(np.abs(points[:, :4]), axis=1)
+    x = points / points[np.arange(len(points)), largest][:, None]
+    near = np.abs(x.imag).max(axis=1) < _REAL * np.abs(x).max(axis=1)
+    return x[near].real

@@ -1,0 +1,209 @@
+r"""The leg equations of a six-legged platform in Study (dual-quaternion) coordinates.
+
+A pose is a point x = (e, h) of P⁷ on the Study quadric ⟨e, h⟩ = 0: the rotation is R v = e v ē / ⟨e, e⟩ and the
+position p = vec(h ē) / ⟨e, e⟩, with real part first. With d_i = h + e P_i - B_i e, leg i has length l_i when
+
+.. math:: \langle d_i, d_i \rangle - l_i^2 \langle e, e \rangle = 0,
+
+because the leg vector is vec(d_i ē) / ⟨e, e⟩. These six quadrics and the Study quadric have 40 finite complex
+solutions in general; ⟨·,·⟩ is the bilinear product, not the Hermitian one, so points with ⟨e, e⟩ = 0 lie at infinity.
+
+References
+----------
+.. [1] M. L. Husty, "An algorithm for solving the direct kinematics of general Stewart–Gough platforms",
+   Mechanism and Machine Theory 31(4), 1996.
+.. [2] C. W. Wampler, "Forward displacement analysis of general six-in-parallel SPS (Stewart) platform manipulators
+   using soma coordinates", Mechanism and Machine Theory 31(3), 1996.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stewart_pin.geometry.hexapod import Hexapod
+from stewart_pin.typing import FloatArray
+
+ComplexArray = NDArray[np.complexfloating[Any, Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class StudyPlatform:
+    """The parameters of the seven quadrics, without unit.
+
+    Attributes
+    ----------
+    difference
+        (6, 3) platform points minus base points, each in its own frame.
+    total
+        (6, 3) platform points plus base points.
+    squares
+        (6,) squared leg lengths.
+    """
+
+    difference: NDArray[Any]
+    total: NDArray[Any]
+    squares: NDArray[Any]
+
+    @classmethod
+    def from_points(cls, base: NDArray[Any], platform: NDArray[Any], squares: NDArray[Any]) -> StudyPlatform:
+        """Collect the parameters.
+
+        Parameters
+        ----------
+        base, platform
+            (6, 3) leg ends, each in its own frame, without unit.
+        squares
+            (6,) squared leg lengths, without unit.
+
+        Returns
+        -------
+        StudyPlatform
+            The parameters.
+        """
+        return cls(platform - base, platform + base, squares)
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """A change of origin in both frames and of the unit of length that brings a robot to size one.
+
+    Attributes
+    ----------
+    base_centre, platform_centre
+        (3,) new origins, each in its own frame [m].
+    size
+        New unit of length [m].
+    """
+
+    base_centre: FloatArray
+    platform_centre: FloatArray
+    size: float
+
+    @classmethod
+    def of(cls, hexapod: Hexapod, lengths: FloatArray | None = None) -> Scaling:
+        """Choose the scaling of a robot.
+
+        Parameters
+        ----------
+        hexapod
+            Geometry.
+        lengths
+            (6,) leg lengths that shall be of order one too, if known [m].
+
+        Returns
+        -------
+        Scaling
+            Origins at the centroids, unit a power of two near the root-mean-square size.
+        """
+        centres = hexapod.base_points.mean(axis=0), hexapod.platform_points.mean(axis=0)
+        squares = ((hexapod.base_points - centres[0]) ** 2).sum() + (
+            (hexapod.platform_points - centres[1]) ** 2
+        ).sum()
+        mean = squares / 6 if lengths is None else (squares / 6 + (lengths**2).mean()) / 2
+        # A power of two divides without round-off, which the certificates rely on. A robot of coincident
+        # points has no size; any unit serves to report it.
+        return cls(*centres, float(np.exp2(np.round(np.log2(mean / 2) / 2))) if mean > 0 else 1.0)
+
+    def points(self, hexapod: Hexapod) -> tuple[FloatArray, FloatArray]:
+        """Express the leg ends in the new origins and unit.
+
+        Parameters
+        ----------
+        hexapod
+            Geometry.
+
+        Returns
+        -------
+        base, platform : numpy.ndarray
+            (6, 3) leg ends, each in its own frame, without unit.
+        """
+        return (
+            (hexapod.base_points - self.base_centre) / self.size,
+            (hexapod.platform_points - self.platform_centre) / self.size,
+        )
+
+    def pose(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Turn real Study points of the scaled robot into poses of the robot.
+
+        Parameters
+        ----------
+        points
+            (n, 8) real Study coordinates, without unit.
+
+        Returns
+        -------
+        position : numpy.ndarray
+            (n, 3) platform origins in the base frame [m].
+        rotation : numpy.ndarray
+            (n, 3, 3) platform axes in the base frame.
+        """
+        e, h = points[:, :4], points[:, 4:]
+        norm = (e * e).sum(axis=1)
+        # vec(h ē) = e0 h_v - h0 e_v - h_v × e_v
+        shift = e[:, :1] * h[:, 1:] - h[:, :1] * e[:, 1:] - np.cross(h[:, 1:], e[:, 1:])
+        rotation = _rotation(e / np.sqrt(norm)[:, None])
+        position = self.size * shift / norm[:, None] + self.base_centre - rotation @ self.platform_centre
+        return position, rotation
+
+
+def operators(difference: NDArray[Any], total: NDArray[Any]) -> NDArray[Any]:
+    """Build the antisymmetric matrices M_i with M_i e = e P_i - B_i e.
+
+    Parameters
+    ----------
+    difference, total
+        (..., 6, 3) platform points minus and plus base points, without unit.
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., 6, 4, 4) matrices.
+    """
+    m = np.zeros((*difference.shape[:-1], 4, 4), dtype=difference.dtype)
+    m[..., 0, 1:], m[..., 1:, 0] = -difference, difference
+    x, y, z = np.moveaxis(total, -1, 0)
+    m[..., 1, 2], m[..., 1, 3], m[..., 2, 3] = z, -y, x
+    m[..., 2, 1], m[..., 3, 1], m[..., 3, 2] = -z, y, -x
+    return m
+
+
+def half_gradient(matrices: NDArray[Any], squares: NDArray[Any], points: NDArray[Any]) -> NDArray[Any]:
+    """Compute half the gradients of the seven quadrics; their product with the point is the residual.
+
+    Parameters
+    ----------
+    matrices
+        (6, 4, 4) from `operators`.
+    squares
+        (6,) squared leg lengths, without unit.
+    points
+        (n, 8) Study coordinates.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n, 7, 8) one row for each leg, then the Study quadric.
+    """
+    e, h = points[:, :4], points[:, 4:]
+    legs = h[:, None, :] + (e @ matrices.reshape(24, 4).T).reshape(-1, 6, 4)
+    gradient = np.empty((len(points), 7, 8), dtype=np.result_type(matrices, points))
+    gradient[:, :6, :4] = -(matrices @ legs[..., None])[..., 0] - squares[:, None] * e[:, None, :]
+    gradient[:, :6, 4:] = legs
+    gradient[:, 6, :4], gradient[:, 6, 4:] = h / 2, e / 2
+    return gradient
+
+
+def _rotation(e: FloatArray) -> FloatArray:
+    w, x, y, z = e.T
+    # fmt: off
+    rows = [
+        [w*w + x*x - y*y - z*z, 2*(x*y - w*z),         2*(x*z + w*y)],
+        [2*(x*y + w*z),         w*w - x*x + y*y - z*z, 2*(y*z - w*x)],
+        [2*(x*z - w*y),         2*(y*z + w*x),         w*w - x*x - y*y + z*z],
+    ]
+    # fmt: on
+    return np.moveaxis(np.array(rows), -1, 0)
