@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from stewart_pin.analysis.assembly_modes.study import half_gradient, operators
+from stewart_pin.analysis.assembly_modes.study import StudyPlatform, half_gradient, operators
 from stewart_pin.typing import FloatArray
 
 _ROUNDINGS = 64
@@ -65,7 +65,7 @@ def certify(base: FloatArray, platform: FloatArray, lengths: FloatArray, points:
     Parameters
     ----------
     base, platform
-        (6, 3) leg ends about their centres, each in its own frame, without unit; off by one rounding at most.
+        (5, 3) ends of legs 2 to 6 seen from those of leg 1, without unit; off by one rounding at most.
     lengths
         (6,) leg lengths in the same unit; exact.
     points
@@ -79,7 +79,10 @@ def certify(base: FloatArray, platform: FloatArray, lengths: FloatArray, points:
     n = len(points)
     chart = np.argmax(np.abs(points[:, :4]), axis=1)
     x = points / points[np.arange(n), chart][:, None]
-    matrices, squares = operators(platform - base, platform + base), lengths**2
+    study = StudyPlatform.from_points(base, platform, lengths**2)
+    matrices, squares = operators(study.difference, study.total), study.squares
+    bounds = operators(np.abs(base) + np.abs(platform), np.abs(base) + np.abs(platform))
+    sizes = np.abs(bounds), np.append(lengths[:1] ** 2, lengths[1:] ** 2 + lengths[0] ** 2)
     rows, free = np.arange(n)[:, None], _FREE[chart]
     picked = rows[:, :, None], np.arange(7)[:, None], free[:, None, :]
     with np.errstate(all="ignore"):
@@ -91,26 +94,22 @@ def certify(base: FloatArray, platform: FloatArray, lengths: FloatArray, points:
         size = np.abs(x).max(axis=1, initial=1.0)
         converged = np.isfinite(x).all(axis=1) & (np.abs(step).max(axis=1, initial=0.0) < 1e-6 * size)
         x[~converged] = points[~converged]
-        radius = _radius(base, platform, squares, matrices, x, inverse, picked)
+        radius = _radius(squares, matrices, sizes, x, inverse, picked)
     certified = converged & (radius < _GREATEST_RADIUS * size)
     return Certificates(x, converged, certified, np.where(certified, radius, np.inf))
 
 
 def _radius(
-    base: FloatArray,
-    platform: FloatArray,
     squares: FloatArray,
     matrices: FloatArray,
+    sizes: tuple[FloatArray, FloatArray],
     x: FloatArray,
     inverse: FloatArray,
     picked: tuple[NDArray[np.intp], ...],
 ) -> FloatArray:
     """Find a radius for which the inequalities hold; not a number or infinite where there is none."""
-    sizes = np.abs(operators(np.abs(base) + np.abs(platform), np.abs(base) + np.abs(platform)))
-    gradient, gradient_size = (
-        half_gradient(matrices, squares, x),
-        _half_gradient_size(sizes, squares, np.abs(x)),
-    )
+    gradient = half_gradient(matrices, squares, x)
+    gradient_size = _half_gradient_size(*sizes, np.abs(x))
     y = np.abs(inverse)
     residual = np.abs(gradient @ x[:, :, None]) + _GAMMA * (gradient_size @ np.abs(x)[:, :, None])
     jacobian, jacobian_size = 2.0 * gradient[picked], 2.0 * gradient_size[picked]
@@ -118,7 +117,7 @@ def _radius(
     defect = np.abs(np.eye(7) - inverse @ jacobian) + _GAMMA * (np.eye(7) + y @ jacobian_size)
     z0 = defect.sum(axis=2).max(axis=1, initial=0.0) * _UP
     # |F''(v, v)| ≤ 2 Σ|Q| |v|²: the half-gradient of the point of ones, with all signs positive.
-    curvature = 2.0 * _half_gradient_size(sizes, squares, np.ones((1, 8))).sum(axis=2)
+    curvature = 2.0 * _half_gradient_size(*sizes, np.ones((1, 8))).sum(axis=2)
     z2 = (y @ curvature[0]).max(axis=1, initial=0.0) * _UP
     radius = 2.0 * eta / (1.0 - z0)
     holds = (z0 < 1.0) & ((eta + z0 * radius + 0.5 * z2 * radius**2) * _UP <= radius)
@@ -129,10 +128,11 @@ def _radius(
 def _half_gradient_size(sizes: FloatArray, squares: FloatArray, x: FloatArray) -> FloatArray:
     """Evaluate the half-gradients with every term positive."""
     e, h = x[:, :4], x[:, 4:]
-    legs = h[:, None, :] + (e @ sizes.reshape(24, 4).T).reshape(-1, 6, 4)
+    moved = (e @ sizes.reshape(20, 4).T).reshape(-1, 5, 4)
     out = np.empty((len(x), 7, 8))
-    out[:, :6, :4] = (sizes @ legs[..., None])[..., 0] + squares[:, None] * e[:, None, :]
-    out[:, :6, 4:] = legs
+    out[:, 0, :4], out[:, 0, 4:] = squares[0] * e, h
+    out[:, 1:6, :4] = (sizes @ (h[:, None, :] + moved)[..., None])[..., 0] + squares[1:, None] * e[:, None, :]
+    out[:, 1:6, 4:] = moved
     out[:, 6, :4], out[:, 6, 4:] = h / 2, e / 2
     return out
 

@@ -1,8 +1,8 @@
 """The tracker of `homotopy` compiled by numba, path after path: the same steps, ten times as fast.
 
 Imported only when the extra ``fast`` is installed. A path lives in the affine chart in which its largest
-coordinate is one, so a correction costs one 7×7 elimination. `x` is a Study point, `m` and `s` are platform minus
-and plus base points, `q` squared lengths; `d` are the six leg quaternions, `g` the half-gradients.
+coordinate is one, so a correction costs one 7×7 elimination. `x` is a Study point; `m`, `s` and `q` are the
+difference, total and squares of a `StudyPlatform`; `r` are the five quaternions e P_i - B_i e, `g` the half-gradients.
 """
 
 from __future__ import annotations
@@ -60,17 +60,18 @@ def _operator(m, s, i, a, b, c, d):
 
 
 @_jit
-def _half_gradient(m, s, q, x, g, d):
-    for i in range(6):
-        a0, a1, a2, a3 = _operator(m, s, i, x[0], x[1], x[2], x[3])
-        a0, a1, a2, a3 = a0 + x[4], a1 + x[5], a2 + x[6], a3 + x[7]
-        d[i, 0], d[i, 1], d[i, 2], d[i, 3] = a0, a1, a2, a3
-        b0, b1, b2, b3 = _operator(m, s, i, a0, a1, a2, a3)
-        g[i, 0], g[i, 1] = -b0 - q[i] * x[0], -b1 - q[i] * x[1]
-        g[i, 2], g[i, 3] = -b2 - q[i] * x[2], -b3 - q[i] * x[3]
-        g[i, 4], g[i, 5], g[i, 6], g[i, 7] = a0, a1, a2, a3
+def _half_gradient(m, s, q, x, g, r):
     for c in range(4):
+        g[0, c], g[0, 4 + c] = -q[0] * x[c], x[4 + c]
         g[6, c], g[6, 4 + c] = 0.5 * x[4 + c], 0.5 * x[c]
+    for i in range(5):
+        a0, a1, a2, a3 = _operator(m, s, i, x[0], x[1], x[2], x[3])
+        r[i, 0], r[i, 1], r[i, 2], r[i, 3] = a0, a1, a2, a3
+        b0, b1, b2, b3 = _operator(m, s, i, a0 + x[4], a1 + x[5], a2 + x[6], a3 + x[7])
+        k = i + 1
+        g[k, 0], g[k, 1] = -b0 - q[k] * x[0], -b1 - q[k] * x[1]
+        g[k, 2], g[k, 3] = -b2 - q[k] * x[2], -b3 - q[k] * x[3]
+        g[k, 4], g[k, 5], g[k, 6], g[k, 7] = a0, a1, a2, a3
 
 
 @_jit
@@ -121,30 +122,37 @@ def _solve(lu, pivots, b):
 
 
 @_jit
-def _newton(m, s, q, x, k, g, d, lu, pivots, b):
-    """Correct `x` in place; return the size of the correction."""
-    _half_gradient(m, s, q, x, g, d)
-    for r in range(7):
-        value = 0j
-        for c in range(8):
-            value += g[r, c] * x[c]
-        b[r] = -0.5 * value
-    if not _factor(g, k, lu, pivots):
-        return np.inf
-    _solve(lu, pivots, b)
-    size = 0.0
-    for c in range(7):
-        x[c if c < k else c + 1] += b[c]
-        size += b[c].real ** 2 + b[c].imag ** 2
-    return np.sqrt(size)
+def _parts(x):
+    """Compute the squared norms of the rotation and of the translation part."""
+    e, h = 0.0, 0.0
+    for c in range(4):
+        e += x[c].real ** 2 + x[c].imag ** 2
+        h += x[4 + c].real ** 2 + x[4 + c].imag ** 2
+    return e, h
 
 
 @_jit
-def _norm(x):
-    size = 0.0
-    for c in range(8):
-        size += x[c].real ** 2 + x[c].imag ** 2
-    return np.sqrt(size)
+def _newton(m, s, q, x, k, g, r, lu, pivots, b):
+    """Correct `x` in place; return the size of the correction, each part measured by its own."""
+    _half_gradient(m, s, q, x, g, r)
+    for i in range(7):
+        value = 0j
+        for c in range(8):
+            value += g[i, c] * x[c]
+        b[i] = -0.5 * value
+    if not _factor(g, k, lu, pivots):
+        return np.inf
+    _solve(lu, pivots, b)
+    e, h = _parts(x)
+    turn, shift = 0.0, 0.0
+    for i in range(7):
+        c = i if i < k else i + 1
+        x[c] += b[i]
+        if c < 4:
+            turn += b[i].real ** 2 + b[i].imag ** 2
+        else:
+            shift += b[i].real ** 2 + b[i].imag ** 2
+    return np.sqrt(turn / e + shift / h)
 
 
 @_jit
@@ -163,40 +171,56 @@ def _to_chart(x):
 
 
 @_jit
-def _expand(m, s, q, m1, s1, q1, moving, k, order, x, d, lu, pivots, b):
-    """Fill x[1:] and d[1:] with the Taylor coefficients in τ - τ_new of the path and of its leg quaternions."""
+def _expand(m, s, q, m1, s1, q1, moving, k, order, x, r, lu, pivots, b):
+    """Fill x[1:] and r[1:] with the Taylor coefficients in τ - τ_new."""
     for j in range(1, order + 1):
-        study, square, square1 = 0j, 0j, 0j
+        study, square, square1, shift = 0j, 0j, 0j, 0j
         for a in range(1, j):
             for c in range(4):
                 study += x[a, c] * x[j - a, 4 + c]
                 square += x[a, c] * x[j - a, c]
+                shift += x[a, 4 + c] * x[j - a, 4 + c]
         for a in range(j):
             for c in range(4):
                 square1 += x[a, c] * x[j - 1 - a, c]
         b[6] = -0.5 * study
-        for i in range(6):
-            total = -q[i] * square - q1[i] * square1
+        b[0] = -0.5 * (shift - q[0] * square - q1[0] * square1)
+        for i in range(5):
+            total = -q[i + 1] * square - q1[i + 1] * square1
             for a in range(1, j):
                 for c in range(4):
-                    total += d[a, i, c] * d[j - a, i, c]
+                    total += (2.0 * x[a, 4 + c] + r[a, i, c]) * r[j - a, i, c]
             if moving:
                 v0, v1, v2, v3 = _operator(m1, s1, i, x[j - 1, 0], x[j - 1, 1], x[j - 1, 2], x[j - 1, 3])
-                d[j, i, 0], d[j, i, 1], d[j, i, 2], d[j, i, 3] = v0, v1, v2, v3
-                total += 2.0 * (d[0, i, 0] * v0 + d[0, i, 1] * v1 + d[0, i, 2] * v2 + d[0, i, 3] * v3)
-            b[i] = -0.5 * total
+                r[j, i, 0], r[j, i, 1], r[j, i, 2], r[j, i, 3] = v0, v1, v2, v3
+                total += 2.0 * ((r[0, i, 0] + x[0, 4]) * v0 + (r[0, i, 1] + x[0, 5]) * v1)
+                total += 2.0 * ((r[0, i, 2] + x[0, 6]) * v2 + (r[0, i, 3] + x[0, 7]) * v3)
+            b[i + 1] = -0.5 * total
         _solve(lu, pivots, b)
         x[j, k] = 0j
         for c in range(7):
             x[j, c if c < k else c + 1] = b[c]
         if j == order:
             return
-        for i in range(6):
+        for i in range(5):
             v0, v1, v2, v3 = _operator(m, s, i, x[j, 0], x[j, 1], x[j, 2], x[j, 3])
-            v0, v1, v2, v3 = v0 + x[j, 4], v1 + x[j, 5], v2 + x[j, 6], v3 + x[j, 7]
             if moving:
-                v0, v1, v2, v3 = v0 + d[j, i, 0], v1 + d[j, i, 1], v2 + d[j, i, 2], v3 + d[j, i, 3]
-            d[j, i, 0], d[j, i, 1], d[j, i, 2], d[j, i, 3] = v0, v1, v2, v3
+                v0, v1, v2, v3 = v0 + r[j, i, 0], v1 + r[j, i, 1], v2 + r[j, i, 2], v3 + r[j, i, 3]
+            r[j, i, 0], r[j, i, 1], r[j, i, 2], r[j, i, 3] = v0, v1, v2, v3
+
+
+@_jit
+def _tail(x, order):
+    """Measure the last two coefficients, and fit one complex ratio to them."""
+    e, h = _parts(x[0])
+    e1, h1 = _parts(x[order])
+    e2, h2 = _parts(x[order - 1])
+    last, before = np.sqrt(e1 / e + h1 / h) + 1e-300, np.sqrt(e2 / e + h2 / h) + 1e-300
+    ratio = 0j
+    for c in range(4):
+        ratio += x[order - 1, c].conjugate() * x[order, c] / e
+        ratio += x[order - 1, 4 + c].conjugate() * x[order, 4 + c] / h
+    return last, before, ratio / before**2
 
 
 @_jit
@@ -213,11 +237,12 @@ def _predict(x, order, ratio, length, y):
 @_jit
 def _place(mt, st, qt, m1, s1, q1, moving, tau, m, s, q):
     """Set the parameters at `tau`."""
-    for i in range(6):
-        if moving:
+    if moving:
+        for i in range(5):
             for c in range(3):
                 m[i, c] = mt[i, c] - tau * m1[i, c]
                 s[i, c] = st[i, c] - tau * s1[i, c]
+    for i in range(6):
         q[i] = qt[i] - tau * q1[i]
 
 
@@ -231,7 +256,7 @@ def _track_all(ms, ss, qs, mt, st, qt, moving, points, order, numbers, max_steps
     m, s, q = ms.copy(), ss.copy(), qs.copy()
     g, lu = np.empty((7, 8), np.complex128), np.empty((7, 7), np.complex128)
     pivots, b = np.empty(7, np.int64), np.empty(7, np.complex128)
-    x, d = np.zeros((order + 1, 8), np.complex128), np.zeros((order + 1, 6, 4), np.complex128)
+    x, r = np.zeros((order + 1, 8), np.complex128), np.zeros((order + 1, 5, 4), np.complex128)
     y = np.empty(8, np.complex128)
     for path in range(n):
         x[0] = points[path]
@@ -240,16 +265,12 @@ def _track_all(ms, ss, qs, mt, st, qt, moving, points, order, numbers, max_steps
         while tau >= least_tau and refusals < MAX_REFUSALS and steps <= max_steps:
             if refusals == 0:
                 _place(mt, st, qt, m1, s1, q1, moving, tau, m, s, q)
-                _half_gradient(m, s, q, x[0], g, d[0])
+                _half_gradient(m, s, q, x[0], g, r[0])
                 if not _factor(g, k, lu, pivots):
                     break
-                _expand(m, s, q, m1, s1, q1, moving, k, order, x, d, lu, pivots, b)
-                size = _norm(x[0])
-                last, before = _norm(x[order]) / size + 1e-300, _norm(x[order - 1]) / size + 1e-300
-                growth, ratio = last / before, 0j
-                for c in range(8):
-                    ratio += x[order - 1, c].conjugate() * x[order, c]
-                ratio /= (before * size) ** 2
+                _expand(m, s, q, m1, s1, q1, moving, k, order, x, r, lu, pivots, b)
+                last, before, ratio = _tail(x, order)
+                growth = last / before
             aim = min(largest_error, contraction / curvature)
             length = (aim / (scale * last * growth)) ** (1.0 / (order + 1))
             length = min(length, reach / growth, cap)
@@ -257,9 +278,8 @@ def _track_all(ms, ss, qs, mt, st, qt, moving, points, order, numbers, max_steps
             length, tau_new = (tau, 0.0) if arrives else (length, tau - length)
             _predict(x, order, ratio, length, y)
             _place(mt, st, qt, m1, s1, q1, moving, tau_new, m, s, q)
-            size = _norm(y)
-            first = _newton(m, s, q, y, k, g, d[0], lu, pivots, b) / size
-            second = _newton(m, s, q, y, k, g, d[0], lu, pivots, b) / size if first < np.inf else np.inf
+            first = _newton(m, s, q, y, k, g, r[0], lu, pivots, b)
+            second = _newton(m, s, q, y, k, g, r[0], lu, pivots, b) if first < np.inf else np.inf
             steps += 1
             predicted = max(scale * last * growth * length ** (order + 1), 1e-300)
             observed = second / max(first, 1e-300) ** 2
@@ -278,7 +298,8 @@ def _track_all(ms, ss, qs, mt, st, qt, moving, points, order, numbers, max_steps
         if tau == 0.0:
             _place(mt, st, qt, m1, s1, q1, moving, 0.0, m, s, q)
             for _ in range(2):
-                _newton(m, s, q, x[0], k, g, d[0], lu, pivots, b)
-        points[path] = x[0] / _norm(x[0])
+                _newton(m, s, q, x[0], k, g, r[0], lu, pivots, b)
+        e, h = _parts(x[0])
+        points[path] = x[0] / np.sqrt(e + h)
         taus[path], counts[path] = tau, steps
     return taus, counts

@@ -1,6 +1,7 @@
 """Decide what the end of a path is: a solution, a point at infinity, a singular solution, or a failure.
 
-A solution is at infinity when ⟨e, e⟩ = 0. A small |⟨e, e⟩| alone proves nothing: planar platforms have true complex
+A solution is at infinity when ⟨e, e⟩ = 0; a solution whose matrix has entries above 1e9 cannot be told from one. No
+real pose is ever that near to infinity: there ⟨e, e⟩ is the square of the norm of e. A small |⟨e, e⟩| alone proves nothing: planar platforms have true complex
 solutions with a small one. A path that arrived is judged by whether Newton's method still changes ⟨e, e⟩, a path
 that got stuck by the power of τ with which ⟨e, e⟩ vanishes.
 """
@@ -20,14 +21,14 @@ _SAME = 1e-13
 """Squared sine of the angle between two points of P⁷ that are one solution, found twice."""
 _SMALL_NORM = 1e-6
 """Relative |⟨e, e⟩| below which a point may lie at infinity."""
-_NO_NORM = 1e-11
-"""Relative |⟨e, e⟩| that is zero to double precision."""
+_RANK_LOSS = 1e-12
+"""Smallest singular value, over the largest, that is zero to double precision."""
 _SINGULAR = 1e-7
 """Smallest singular value, over the largest, of the gradients at a singular solution known to half the digits."""
 _NEAR = 1e-2
 """A stuck path must have come this near in τ to say where it was going."""
-_VANISHES = 0.15
-"""Least power of τ with which ⟨e, e⟩ vanishes on the way to infinity; a finite end shows zero."""
+_VANISHES = 0.5, 6.0
+"""Powers of τ with which ⟨e, e⟩ may vanish on the way to infinity; 1, 2 and 4 occur. A finite end shows zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +75,11 @@ def classify(start: StudyPlatform, target: StudyPlatform, tracked: Tracked) -> E
     ends = x.copy()
     for i in np.flatnonzero(~regular):
         if arrived[i]:
-            regular[i] = norm[i] > _NO_NORM and _norm_is_settled(target, x[i])
+            regular[i] = _norm_is_settled(target, x[i])
             infinite[i] = not regular[i]
         elif tracked.tau[i] < _NEAR:
-            infinite[i] = norm[i] < _SMALL_NORM or _norm_vanishes(start, target, x[i], float(tracked.tau[i]))
-            if not infinite[i]:
+            infinite[i] = _norm_vanishes(start, target, x[i], float(tracked.tau[i]))
+            if not infinite[i] and norm[i] > _SMALL_NORM:
                 ends[i], singular[i] = _settle(target, x[i])
     once = distinct(x[regular])
     failed = int((~(regular | infinite | singular)).sum() + regular.sum() - len(once))
@@ -125,7 +126,9 @@ def distinct(points: ComplexArray) -> NDArray[np.intp]:
 def _norm_is_settled(target: StudyPlatform, x: ComplexArray) -> bool:
     # At infinity the gradients are singular: Newton is slow there, and every step shrinks ⟨e, e⟩ again.
     gradient = half_gradient(operators(target.difference, target.total), target.squares, x[None])[0]
-    step = -0.5 * np.linalg.lstsq(gradient, gradient @ x, rcond=None)[0]
+    step, _, _, values = np.linalg.lstsq(gradient, -0.5 * (gradient @ x), rcond=None)
+    if values[-1] < _RANK_LOSS * values[0]:
+        return False
     e, moved = x[:4], x[:4] + step[:4]
     return bool(abs(moved @ moved - e @ e) < 1e-3 * abs(e @ e))
 
@@ -134,7 +137,8 @@ def _norm_vanishes(start: StudyPlatform, target: StudyPlatform, x: ComplexArray,
     # d log⟨e, e⟩ / d log τ; the tangent is orthogonal to x, so the Hermitian norm does not change.
     dx = tangent(start, target, x[None], np.array([tau]))[0]
     e = x[:4]
-    return bool(tau * np.real(2.0 * (e @ dx[:4]) / (e @ e)) > _VANISHES)
+    power = tau * np.real(2.0 * (e @ dx[:4]) / (e @ e))
+    return bool(_VANISHES[0] < power < _VANISHES[1])
 
 
 def _settle(target: StudyPlatform, x: ComplexArray) -> tuple[ComplexArray, bool]:

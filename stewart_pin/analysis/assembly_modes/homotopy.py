@@ -149,15 +149,13 @@ def _quadrics(start: StudyPlatform, target: StudyPlatform) -> list[ComplexArray]
     m0 = operators(target.difference, target.total).astype(complex)
     m1 = operators(start.difference, start.total) - m0
     powers = [np.zeros((7, 8, 8), dtype=complex) for _ in range(3 if m1.any() else 2)]
-    transposed = np.swapaxes(m0, 1, 2), np.swapaxes(m1, 1, 2)
-    powers[0][:6] = np.block(
-        [[transposed[0] @ m0, transposed[0]], [m0, np.broadcast_to(np.eye(4), m0.shape)]]
-    )
+    # The transpose of the antisymmetric M_i is -M_i.
+    powers[0][1:6] = np.block([[-m0 @ m0, -m0], [m0, np.zeros_like(m0)]])
+    powers[0][0, 4:, 4:] = np.eye(4)
     powers[0][6] = np.kron([[0, 1], [1, 0]], np.eye(4)) / 2
     if m1.any():
-        cross = transposed[0] @ m1
-        powers[1][:6] = np.block([[cross + np.swapaxes(cross, 1, 2), transposed[1]], [m1, np.zeros_like(m1)]])
-        powers[2][:6, :4, :4] = transposed[1] @ m1
+        powers[1][1:6] = np.block([[-m0 @ m1 - m1 @ m0, -m1], [m1, np.zeros_like(m1)]])
+        powers[2][1:6, :4, :4] = -m1 @ m1
     powers[0][:6, :4, :4] -= target.squares[:, None, None] * np.eye(4)
     powers[1][:6, :4, :4] -= (start.squares - target.squares)[:, None, None] * np.eye(4)
     return [np.ascontiguousarray(q.reshape(56, 8).T) for q in powers]
@@ -165,6 +163,19 @@ def _quadrics(start: StudyPlatform, target: StudyPlatform) -> list[ComplexArray]
 
 def _normalised(x: ComplexArray) -> ComplexArray:
     return x / np.linalg.norm(x, axis=1, keepdims=True)
+
+
+def _size(v: ComplexArray, x: ComplexArray) -> FloatArray:
+    """Measure rotation and translation parts each by its own part of the point: near infinity e is small."""
+    e, h = np.linalg.norm(x[:, :4], axis=1), np.linalg.norm(x[:, 4:], axis=1)
+    return np.hypot(np.linalg.norm(v[:, :4], axis=1) / e, np.linalg.norm(v[:, 4:], axis=1) / h)
+
+
+def _ratio(last: ComplexArray, before: ComplexArray, x: ComplexArray, size: FloatArray) -> ComplexArray:
+    """Fit one complex ratio to two successive coefficients, in the measure of `_size`."""
+    products = before.conj() * last
+    e, h = np.linalg.norm(x[:, :4], axis=1) ** 2, np.linalg.norm(x[:, 4:], axis=1) ** 2
+    return (products[:, :4].sum(axis=1) / e + products[:, 4:].sum(axis=1) / h) / size**2
 
 
 def _bordered(gradient: ComplexArray, x: ComplexArray) -> ComplexArray:
@@ -193,7 +204,7 @@ def _correction(
         step = -0.5 * np.linalg.solve(matrix, residual)[:, :, 0]
     except np.linalg.LinAlgError:
         step = -0.5 * (np.linalg.pinv(matrix) @ residual)[:, :, 0]
-    return step, np.linalg.norm(step, axis=1)
+    return step, _size(step, x)
 
 
 def _series(quadrics: list[ComplexArray], tau: FloatArray, x: ComplexArray, order: int) -> list[ComplexArray]:
@@ -253,9 +264,9 @@ def _step(
     """Try one step of every path; `state` learns from it."""
     order, tiny = settings.order, 1e-300
     series = _series(quadrics, tau, x, order)
-    last, before = (np.linalg.norm(series[j], axis=1) + tiny for j in (order, order - 1))
+    last, before = (_size(series[j], x) + tiny for j in (order, order - 1))
     growth = last / before
-    ratio = np.einsum("ni,ni->n", series[order - 1].conj(), series[order]) / before**2
+    ratio = _ratio(series[order], series[order - 1], x, before)
     aim = np.minimum(settings.largest_error, settings.contraction / state["curvature"])
     length = (aim / (state["scale"] * last * growth)) ** (1.0 / (order + 1))
     length = np.minimum(np.minimum(length, settings.reach / growth), state["cap"])

@@ -105,13 +105,13 @@ def _gauss(rng: np.random.Generator, *shape: int) -> ComplexArray:
 
 
 def _random_platform(rng: np.random.Generator) -> StudyPlatform:
-    return StudyPlatform.from_points(_gauss(rng, 6, 3), _gauss(rng, 6, 3), 2.0 * _gauss(rng, 6))
+    return StudyPlatform.from_points(_gauss(rng, 5, 3), _gauss(rng, 5, 3), 2.0 * _gauss(rng, 6))
 
 
 def _platform_with_one_solution(rng: np.random.Generator) -> tuple[StudyPlatform, ComplexArray]:
-    base, platform, e, h = _gauss(rng, 6, 3), _gauss(rng, 6, 3), _gauss(rng, 4), _gauss(rng, 4)
+    base, platform, e, h = _gauss(rng, 5, 3), _gauss(rng, 5, 3), _gauss(rng, 4), _gauss(rng, 4)
     h -= e * (e @ h) / (e @ e)
-    legs = h + operators(platform - base, platform + base) @ e
+    legs = np.vstack([h, h + operators(platform - base, platform + base) @ e])
     squares = (legs * legs).sum(axis=1) / (e @ e)
     point = np.concatenate([e, h])[None]
     return StudyPlatform.from_points(base, platform, squares), point / np.linalg.norm(point)

@@ -5,8 +5,14 @@ position p = vec(h ē) / ⟨e, e⟩, with real part first. With d_i = h + e P_i 
 
 .. math:: \langle d_i, d_i \rangle - l_i^2 \langle e, e \rangle = 0,
 
-because the leg vector is vec(d_i ē) / ⟨e, e⟩. These six quadrics and the Study quadric have 40 finite complex
-solutions in general; ⟨·,·⟩ is the bilinear product, not the Hermitian one, so points with ⟨e, e⟩ = 0 lie at infinity.
+because the leg vector is vec(d_i ē) / ⟨e, e⟩; ⟨·,·⟩ is the bilinear product, not the Hermitian one, so points with
+⟨e, e⟩ = 0 lie at infinity. Both frames have their origin at the ends of the first leg, and its equation is subtracted
+from the other five: with r_i = e P_i - B_i e they read
+
+.. math:: \langle 2 h + r_i, r_i \rangle - (l_i^2 - l_1^2) \langle e, e \rangle = 0
+
+and keep their accuracy near infinity, where e is small and ⟨h, h⟩ would drown the rest. Six such quadrics and the
+Study quadric have 40 finite complex solutions in general.
 
 References
 ----------
@@ -37,11 +43,11 @@ class StudyPlatform:
     Attributes
     ----------
     difference
-        (6, 3) platform points minus base points, each in its own frame.
+        (5, 3) platform points minus base points of legs 2 to 6, in frames at the ends of leg 1.
     total
-        (6, 3) platform points plus base points.
+        (5, 3) platform points plus base points.
     squares
-        (6,) squared leg lengths.
+        (6,) squared length of leg 1, then what the squares of the others exceed it by.
     """
 
     difference: NDArray[Any]
@@ -55,7 +61,7 @@ class StudyPlatform:
         Parameters
         ----------
         base, platform
-            (6, 3) leg ends, each in its own frame, without unit.
+            (5, 3) ends of legs 2 to 6, in frames at the ends of leg 1, without unit.
         squares
             (6,) squared leg lengths, without unit.
 
@@ -64,7 +70,7 @@ class StudyPlatform:
         StudyPlatform
             The parameters.
         """
-        return cls(platform - base, platform + base, squares)
+        return cls(platform - base, platform + base, np.append(squares[:1], squares[1:] - squares[0]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,13 +103,12 @@ class Scaling:
         Returns
         -------
         Scaling
-            Origins at the centroids, unit a power of two near the root-mean-square size.
+            Origins at the ends of leg 1, unit a power of two near the root-mean-square size.
         """
-        centres = hexapod.base_points.mean(axis=0), hexapod.platform_points.mean(axis=0)
-        squares = ((hexapod.base_points - centres[0]) ** 2).sum() + (
-            (hexapod.platform_points - centres[1]) ** 2
-        ).sum()
-        mean = squares / 6 if lengths is None else (squares / 6 + (lengths**2).mean()) / 2
+        centres = hexapod.base_points[0], hexapod.platform_points[0]
+        mean = hexapod.base_points.var(axis=0).sum() + hexapod.platform_points.var(axis=0).sum()
+        if lengths is not None:
+            mean = (mean + (lengths**2).mean()) / 2
         # A power of two divides without round-off, which the certificates rely on. A robot of coincident
         # points has no size; any unit serves to report it.
         return cls(*centres, float(np.exp2(np.round(np.log2(mean / 2) / 2))) if mean > 0 else 1.0)
@@ -119,11 +124,11 @@ class Scaling:
         Returns
         -------
         base, platform : numpy.ndarray
-            (6, 3) leg ends, each in its own frame, without unit.
+            (5, 3) ends of legs 2 to 6, each in its own frame, without unit.
         """
         return (
-            (hexapod.base_points - self.base_centre) / self.size,
-            (hexapod.platform_points - self.platform_centre) / self.size,
+            (hexapod.base_points[1:] - self.base_centre) / self.size,
+            (hexapod.platform_points[1:] - self.platform_centre) / self.size,
         )
 
     def pose(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -151,17 +156,17 @@ class Scaling:
 
 
 def operators(difference: NDArray[Any], total: NDArray[Any]) -> NDArray[Any]:
-    """Build the antisymmetric matrices M_i with M_i e = e P_i - B_i e.
+    """Build the antisymmetric matrices M_i with r_i = M_i e = e P_i - B_i e.
 
     Parameters
     ----------
     difference, total
-        (..., 6, 3) platform points minus and plus base points, without unit.
+        (..., 5, 3) platform points minus and plus base points, without unit.
 
     Returns
     -------
     numpy.ndarray
-        (..., 6, 4, 4) matrices.
+        (..., 5, 4, 4) matrices.
     """
     m = np.zeros((*difference.shape[:-1], 4, 4), dtype=difference.dtype)
     m[..., 0, 1:], m[..., 1:, 0] = -difference, difference
@@ -177,22 +182,26 @@ def half_gradient(matrices: NDArray[Any], squares: NDArray[Any], points: NDArray
     Parameters
     ----------
     matrices
-        (6, 4, 4) from `operators`.
+        (5, 4, 4) from `operators`.
     squares
-        (6,) squared leg lengths, without unit.
+        (6,) of a `StudyPlatform`.
     points
         (n, 8) Study coordinates.
 
     Returns
     -------
     numpy.ndarray
-        (n, 7, 8) one row for each leg, then the Study quadric.
+        (n, 7, 8) one row for leg 1, one for each other leg minus leg 1, then the Study quadric.
     """
     e, h = points[:, :4], points[:, 4:]
-    legs = h[:, None, :] + (e @ matrices.reshape(24, 4).T).reshape(-1, 6, 4)
-    gradient = np.empty((len(points), 7, 8), dtype=np.result_type(matrices, points))
-    gradient[:, :6, :4] = -(matrices @ legs[..., None])[..., 0] - squares[:, None] * e[:, None, :]
-    gradient[:, :6, 4:] = legs
+    moved = (e @ matrices.reshape(20, 4).T).reshape(-1, 5, 4)
+    gradient = np.empty((len(points), 7, 8), dtype=np.result_type(matrices, squares, points))
+    gradient[:, 0, :4], gradient[:, 0, 4:] = -squares[0] * e, h
+    # The transpose of the antisymmetric M_i is -M_i.
+    gradient[:, 1:6, :4] = (
+        -(matrices @ (h[:, None, :] + moved)[..., None])[..., 0] - squares[1:, None] * e[:, None, :]
+    )
+    gradient[:, 1:6, 4:] = moved
     gradient[:, 6, :4], gradient[:, 6, 4:] = h / 2, e / 2
     return gradient
 
