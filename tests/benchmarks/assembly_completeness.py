@@ -1,7 +1,7 @@
 """Count how often `assembly_modes` misses a pose, and whether it says so.
 
-Draws platforms and poses, asks for all poses of the lengths, and checks that the pose drawn is among them and that
-the number of complex solutions is the known one of the class. Run by hand::
+Draws platforms and poses, asks for all poses of the lengths, and checks that the pose drawn is among them
+and that the number of complex solutions is the known one of the class. Run by hand::
 
     python -m tests.benchmarks.assembly_completeness --count 10000
     python -m tests.benchmarks.assembly_completeness --count 300 --classes all

@@ -1,18 +1,20 @@
 r"""Prove that a solution exists: Newton–Kantorovich bounds with all round-off accounted for.
 
-In the chart where the largest rotation coordinate is one, the seven quadrics are F(z) = 0, z ∈ R⁷. With Y ≈ F'(z̃)⁻¹,
+In the chart where the largest rotation coordinate is one, the seven quadrics are F(z) = 0, z ∈ R⁷. With Y ≈
+F'(z̃)⁻¹,
 
 .. math:: \eta \ge |Y F(\tilde z)|, \quad Z_0 \ge |1 - Y F'(\tilde z)|, \quad Z_2 \ge |Y F''|, \qquad
           \eta + Z_0 r + \tfrac12 Z_2 r^2 \le r, \quad Z_0 + Z_2 r < 1
 
-prove that z ↦ z - Y F(z) is a contraction of the ball of radius r about z̃, hence that exactly one solution lies in
-it. F has degree two, so the bound on F'' holds everywhere. Round-off of every evaluated sum of products is at most
-γₙ = n u / (1 - n u) times the sum of the absolute values, with n the number of roundings on the way of a term [2]_.
+prove that z ↦ z - Y F(z) is a contraction of the ball of radius r about z̃, hence that exactly one solution
+lies in it. F has degree two, so the bound on F'' holds everywhere. Round-off of every evaluated sum of
+products is at most γₙ = n u / (1 - n u) times the sum of the absolute values, with n the number of
+roundings on the way of a term [2]_.
 
 References
 ----------
-.. [1] S. M. Rump, "Verification methods: rigorous results using floating-point arithmetic", Acta Numerica 19, 2010,
-   section 13.
+.. [1] S. M. Rump, "Verification methods: rigorous results using floating-point arithmetic", Acta Numerica
+   19, 2010, section 13.
 .. [2] N. J. Higham, "Accuracy and Stability of Numerical Algorithms", 2nd ed., SIAM, 2002, section 3.1.
 """
 
@@ -27,7 +29,7 @@ from stewart_pin.analysis.assembly_modes.study import StudyPlatform, half_gradie
 from stewart_pin.typing import FloatArray
 
 _ROUNDINGS = 64
-"""No term of any sum below is rounded more often: parameters 4, legs 6, gradients 8, residuals 8, products with Y 8."""
+"""No term of a sum below is rounded more often: parameters 4, legs 6, gradients 8, residuals 8, Y 8."""
 _GAMMA = _ROUNDINGS * 2.0**-53 / (1.0 - _ROUNDINGS * 2.0**-53)
 _UP = 1.0 + 1e-12
 """Covers the roundings of the bounds themselves, all of which are sums of positive numbers."""
@@ -85,6 +87,7 @@ def certify(base: FloatArray, platform: FloatArray, lengths: FloatArray, points:
     sizes = np.abs(bounds), np.append(lengths[:1] ** 2, lengths[1:] ** 2 + lengths[0] ** 2)
     rows, free = np.arange(n)[:, None], _FREE[chart]
     picked = rows[:, :, None], np.arange(7)[:, None], free[:, None, :]
+    step, inverse = np.zeros((n, 7)), np.zeros((n, 7, 7))
     with np.errstate(all="ignore"):
         for _ in range(2):
             gradient = half_gradient(matrices, squares, x)

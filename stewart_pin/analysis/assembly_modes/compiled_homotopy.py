@@ -2,18 +2,19 @@
 
 Imported only when the extra ``fast`` is installed. A path lives in the affine chart in which its largest
 coordinate is one, so a correction costs one 7×7 elimination. `x` is a Study point; `m`, `s` and `q` are the
-difference, total and squares of a `StudyPlatform`; `r` are the five quaternions e P_i - B_i e, `g` the half-gradients.
+difference, total and squares of a `StudyPlatform`; `r` are the five quaternions e P_i - B_i e, `g` the
+half-gradients.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numba import njit  # pyright: ignore[reportMissingModuleSource]
 
 from stewart_pin.analysis.assembly_modes.homotopy import MAX_REFUSALS, ROUND_OFF, Tracked, TrackerSettings
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform
 
-# Fused multiply-add and no signed zeros; NaN and infinity keep their meaning, the refusal of a step needs them.
+# Fused multiply-add, no signed zeros; NaN and infinity keep their meaning: the refusal of a step needs them.
 _jit = njit(cache=True, fastmath={"contract", "nsz"}, error_model="numpy")
 
 
@@ -262,6 +263,7 @@ def _track_all(ms, ss, qs, mt, st, qt, moving, points, order, numbers, max_steps
         x[0] = points[path]
         k = _to_chart(x[0])
         tau, curvature, scale, cap, steps, refusals = 1.0, 2.0, 1.0, 1.0, 0, 0
+        last, growth, ratio = 0.0, 0.0, 0j
         while tau >= least_tau and refusals < MAX_REFUSALS and steps <= max_steps:
             if refusals == 0:
                 _place(mt, st, qt, m1, s1, q1, moving, tau, m, s, q)

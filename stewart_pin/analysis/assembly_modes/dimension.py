@@ -7,7 +7,7 @@ import numpy as np
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform, half_gradient, operators
 
 _STEP = 1e-2
-"""Distance at which a neighbour is sought [-]. At an isolated point the residual there stays near its square."""
+"""Distance at which a neighbour is sought [-]; at an isolated point the residual stays near its square."""
 _SOLVED = 1e-11
 """Residual of a neighbour that solves the equations, relative to the gradients [-]."""
 

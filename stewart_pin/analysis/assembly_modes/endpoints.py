@@ -1,14 +1,16 @@
 """Decide what the end of a path is: a solution, a point at infinity, a singular solution, or a failure.
 
-A solution is at infinity when ⟨e, e⟩ = 0; a solution whose matrix has entries above 1e9 cannot be told from one. No
-real pose is ever that near to infinity: there ⟨e, e⟩ is the square of the norm of e. A small |⟨e, e⟩| alone proves nothing: planar platforms have true complex
-solutions with a small one. A path that arrived is judged by whether Newton's method still changes ⟨e, e⟩, a path
-that got stuck by the power of τ with which ⟨e, e⟩ vanishes.
+A solution is at infinity when ⟨e, e⟩ = 0; a solution whose matrix has entries above 1e9 cannot be told from
+one. No real pose is ever that near to infinity: there ⟨e, e⟩ is the square of the norm of e. A small |⟨e,
+e⟩| alone proves nothing: planar platforms have true complex solutions with a small one. A path that arrived
+is judged by whether Newton's method still changes ⟨e, e⟩, a path that got stuck by the power of τ with
+which ⟨e, e⟩ vanishes.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +26,11 @@ _SMALL_NORM = 1e-6
 _RANK_LOSS = 1e-12
 """Smallest singular value, over the largest, that is zero to double precision."""
 _SINGULAR = 1e-7
-"""Smallest singular value, over the largest, of the gradients at a singular solution known to half the digits."""
+"""Smallest singular value, over the largest, at a singular solution known to half the digits."""
 _NEAR = 1e-2
 """A stuck path must have come this near in τ to say where it was going."""
 _VANISHES = 0.5, 6.0
-"""Powers of τ with which ⟨e, e⟩ may vanish on the way to infinity; 1, 2 and 4 occur. A finite end shows zero."""
+"""Powers of τ with which ⟨e, e⟩ may vanish towards infinity; 1, 2, 4 occur. A finite end shows zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,7 @@ def relative_norm(points: ComplexArray) -> FloatArray:
     return np.abs((e * e).sum(axis=1)) / (np.abs(points) ** 2).sum(axis=1)
 
 
-def distinct(points: ComplexArray) -> NDArray[np.intp]:
+def distinct(points: NDArray[Any]) -> NDArray[np.intp]:
     """Find the first of every set of equal points.
 
     Parameters

@@ -1,15 +1,17 @@
 """Follow the solutions of seven quadrics in P⁷ while their parameters move: NumPy, all paths side by side.
 
-The homotopy parameter τ runs from 1 (start) to 0 (target). Each step expands every path in a Taylor series, sums the
-tail of the series as a geometric one, and corrects with two Newton steps. The step length comes from the radius of
-convergence that the series shows, so it shrinks before a singular point and not after it; a step whose first
-correction is large, or whose second does not shrink quadratically, is refused: that is what keeps two paths apart.
+The homotopy parameter τ runs from 1 (start) to 0 (target). Each step expands every path in a Taylor series,
+sums the tail of the series as a geometric one, and corrects with two Newton steps. The step length comes
+from the radius of convergence that the series shows, so it shrinks before a singular point and not after
+it; a step whose first correction is large, or whose second does not shrink quadratically, is refused: that
+is what keeps two paths apart.
 
 References
 ----------
-.. [1] A. J. Sommese, C. W. Wampler, "The Numerical Solution of Systems of Polynomials", World Scientific, 2005, ch. 2, 7.
-.. [2] S. Timme, "Mixed precision path tracking for polynomial homotopy continuation", Adv. Comput. Math. 47, 2021
-   (step control from the local error of the predictor and the contraction of the corrector).
+.. [1] A. J. Sommese, C. W. Wampler, "The Numerical Solution of Systems of Polynomials", World Scientific,
+   2005, ch. 2, 7.
+.. [2] S. Timme, "Mixed precision path tracking for polynomial homotopy continuation", Adv. Comput. Math.
+   47, 2021 (step control from the local error of the predictor and the contraction of the corrector).
 """
 
 from __future__ import annotations
@@ -53,7 +55,7 @@ class TrackerSettings:
 
 DEFAULT = TrackerSettings()
 ROUND_OFF = 1e-9
-"""A relative Newton correction below this is round-off of an ill-conditioned point, not a sign of divergence."""
+"""A relative Newton correction below this is round-off of an ill-conditioned point, not divergence."""
 MAX_REFUSALS = 8
 """A path whose step was refused this often in a row is stuck at a singular point."""
 

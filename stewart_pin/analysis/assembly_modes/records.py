@@ -30,8 +30,8 @@ class AssemblyModes:
     n_complex
         Number of different finite complex solutions found, the real ones included.
     kind
-        ``"finite"``, or ``"positive-dimensional"`` when the equations hold along a curve: the platform moves with all
-        legs locked. The poses are then the isolated ones only.
+        ``"finite"``, or ``"positive-dimensional"`` when the equations hold along a curve: the platform
+        moves with all legs locked. The poses are then the isolated ones only.
     complete
         Whether every path was accounted for: the number of solutions is the generic one, or two searches from
         unrelated start systems agree and none of their paths failed. False means that poses may be missing.

@@ -85,8 +85,8 @@ def search(
 ) -> Solutions:
     """Collect the solutions of a platform.
 
-    A path that fails is not followed again with smaller steps, which would lead it into the same trouble, but the
-    whole search is repeated from another start system, whose paths run elsewhere.
+    A path that fails is not followed again with smaller steps, which would lead it into the same trouble,
+    but the whole search is repeated from another start system, whose paths run elsewhere.
 
     Parameters
     ----------

@@ -1,12 +1,12 @@
 """All poses of a six-legged platform that share six leg lengths, each with a proof of its existence.
 
-A parameter homotopy in Study coordinates follows the 40 solutions of a generic complex platform to the one asked
-for [1]_; what is real among the ends is polished and certified.
+A parameter homotopy in Study coordinates follows the 40 solutions of a generic complex platform to the one
+asked for [1]_; what is real among the ends is polished and certified.
 
 References
 ----------
-.. [1] A. J. Sommese, C. W. Wampler, "The Numerical Solution of Systems of Polynomials", World Scientific, 2005,
-   sections 7.1 and 7.7 (coefficient-parameter homotopy; Stewart–Gough platforms).
+.. [1] A. J. Sommese, C. W. Wampler, "The Numerical Solution of Systems of Polynomials", World Scientific,
+   2005, sections 7.1 and 7.7 (coefficient-parameter homotopy; Stewart–Gough platforms).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from stewart_pin.analysis.assembly_modes.certificates import certify
 from stewart_pin.analysis.assembly_modes.dimension import lies_on_curve
 from stewart_pin.analysis.assembly_modes.endpoints import distinct
 from stewart_pin.analysis.assembly_modes.records import AssemblyModes
-from stewart_pin.analysis.assembly_modes.search import Engine, Solutions, Tracker, search, tracker_for
+from stewart_pin.analysis.assembly_modes.search import Engine, Tracker, search, tracker_for
 from stewart_pin.analysis.assembly_modes.start_systems import StartSystem, start_systems
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, Scaling, StudyPlatform
 from stewart_pin.errors import InputError
@@ -68,8 +68,8 @@ def assembly_modes(hexapod: Hexapod, lengths: ArrayLike, *, engine: Engine | Non
 class AssemblySolver:
     """Find all poses of one geometry for many sets of leg lengths.
 
-    The solutions for generic complex lengths are found once; only lengths move afterwards, and only as many paths
-    are followed as the geometry has finite solutions.
+    The solutions for generic complex lengths are found once; only lengths move afterwards, and only as many
+    paths are followed as the geometry has finite solutions.
 
     Parameters
     ----------
@@ -83,8 +83,8 @@ class AssemblySolver:
     hexapod
         Geometry.
     n_generic
-        Number of finite complex solutions for generic lengths. Zero when the geometry is architecturally singular:
-        it then has solutions for special lengths only, and moves with all legs locked.
+        Number of finite complex solutions for generic lengths. Zero when the geometry is architecturally
+        singular: it then has solutions for special lengths only, and moves with all legs locked.
     """
 
     def __init__(self, hexapod: Hexapod, *, engine: Engine | None = None) -> None:

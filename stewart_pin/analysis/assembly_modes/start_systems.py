@@ -1,15 +1,15 @@
 """Generic complex platforms with their 40 solutions, from which every other platform is reached.
 
-They are found by monodromy: one solution is made by choosing the lengths that fit a random pose, and loops through
-random complex platforms permute the solutions until all are known. The group is transitive, so the loops reach
-all; 40 is their proven number [1]_. Run this module to make the data file again::
+They are found by monodromy: one solution is made by choosing the lengths that fit a random pose, and loops
+through random complex platforms permute the solutions until all are known. The group is transitive, so the
+loops reach all; 40 is their proven number [1]_. Run this module to make the data file again::
 
     python -m stewart_pin.analysis.assembly_modes.start_systems
 
 References
 ----------
-.. [1] F. Ronga, T. Vust, "Stewart platforms without computer?", in Real Analytic and Algebraic Geometry, de Gruyter,
-   1995.
+.. [1] F. Ronga, T. Vust, "Stewart platforms without computer?", in Real Analytic and Algebraic Geometry, de
+   Gruyter, 1995.
 """
 
 from __future__ import annotations

@@ -1,25 +1,26 @@
 r"""The leg equations of a six-legged platform in Study (dual-quaternion) coordinates.
 
-A pose is a point x = (e, h) of P⁷ on the Study quadric ⟨e, h⟩ = 0: the rotation is R v = e v ē / ⟨e, e⟩ and the
-position p = vec(h ē) / ⟨e, e⟩, with real part first. With d_i = h + e P_i - B_i e, leg i has length l_i when
+A pose is a point x = (e, h) of P⁷ on the Study quadric ⟨e, h⟩ = 0: the rotation is R v = e v ē / ⟨e, e⟩ and
+the position p = vec(h ē) / ⟨e, e⟩, with real part first. With d_i = h + e P_i - B_i e, leg i has length l_i
+when
 
 .. math:: \langle d_i, d_i \rangle - l_i^2 \langle e, e \rangle = 0,
 
-because the leg vector is vec(d_i ē) / ⟨e, e⟩; ⟨·,·⟩ is the bilinear product, not the Hermitian one, so points with
-⟨e, e⟩ = 0 lie at infinity. Both frames have their origin at the ends of the first leg, and its equation is subtracted
-from the other five: with r_i = e P_i - B_i e they read
+because the leg vector is vec(d_i ē) / ⟨e, e⟩; ⟨·,·⟩ is the bilinear product, not the Hermitian one, so
+points with ⟨e, e⟩ = 0 lie at infinity. Both frames have their origin at the ends of the first leg, and its
+equation is subtracted from the other five: with r_i = e P_i - B_i e they read
 
 .. math:: \langle 2 h + r_i, r_i \rangle - (l_i^2 - l_1^2) \langle e, e \rangle = 0
 
-and keep their accuracy near infinity, where e is small and ⟨h, h⟩ would drown the rest. Six such quadrics and the
-Study quadric have 40 finite complex solutions in general.
+and keep their accuracy near infinity, where e is small and ⟨h, h⟩ would drown the rest. Six such quadrics
+and the Study quadric have 40 finite complex solutions in general.
 
 References
 ----------
 .. [1] M. L. Husty, "An algorithm for solving the direct kinematics of general Stewart–Gough platforms",
    Mechanism and Machine Theory 31(4), 1996.
-.. [2] C. W. Wampler, "Forward displacement analysis of general six-in-parallel SPS (Stewart) platform manipulators
-   using soma coordinates", Mechanism and Machine Theory 31(3), 1996.
+.. [2] C. W. Wampler, "Forward displacement analysis of general six-in-parallel SPS (Stewart) platform
+   manipulators using soma coordinates", Mechanism and Machine Theory 31(3), 1996.
 """
 
 from __future__ import annotations
