@@ -95,5 +95,7 @@ from stewart_pin.geometry.planar_transitions import PlanarTransitions as PlanarT
 from stewart_pin.geometry.planar_transitions import planar_transition_lengths as planar_transition_lengths
 from stewart_pin.geometry.hexapod_pose import HexapodPose as HexapodPose
 from stewart_pin.geometry.hexapod_pose import hexapod_pose as hexapod_pose
+from stewart_pin.geometry.pose_tracking import TrackedPose as TrackedPose
+from stewart_pin.geometry.pose_tracking import track_pose as track_pose
 
 __version__ = "0.1.0"
