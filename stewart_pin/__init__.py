@@ -21,7 +21,9 @@ from stewart_pin.closure.newton import close_loops as close_loops
 from stewart_pin.closure.pinocchio_constraints import constraint_models as constraint_models
 from stewart_pin.analysis.assembly_modes import AssemblyModes as AssemblyModes
 from stewart_pin.analysis.assembly_modes import AssemblySolver as AssemblySolver
+from stewart_pin.analysis.assembly_modes import ModeDescription as ModeDescription
 from stewart_pin.analysis.assembly_modes import assembly_modes as assembly_modes
+from stewart_pin.analysis.assembly_modes import describe_modes as describe_modes
 from stewart_pin.geometry.hexapod import Hexapod as Hexapod
 from stewart_pin.geometry.hexapod import leg_jacobian as leg_jacobian
 from stewart_pin.geometry.hexapod import leg_lengths as leg_lengths

@@ -31,7 +31,16 @@ def test_number_of_complex_poses_of_a_class(name: str, rng: np.random.Generator)
         assert distance_to(answer, position, rotation) < 1e-9
         # Non-real solutions come in conjugate pairs.
         assert (answer.n_complex - len(answer)) % 2 == 0
-    assert len(modes) == len(stp.assembly_modes(hexapod, lengths, engine="numpy"))
+
+
+@pytest.mark.parametrize("name", ["general 6-6", "planar 6-6", "3-3"])
+def test_numpy_finds_what_numba_finds(name: str, rng: np.random.Generator) -> None:
+    pytest.importorskip("numba")
+    hexapod, position, rotation = draw(name, rng)
+    lengths = stp.leg_lengths(hexapod, position, rotation)
+    slow, fast = (stp.assembly_modes(hexapod, lengths, engine=e) for e in ("numpy", "numba"))
+    assert slow.n_complex == fast.n_complex and slow.complete and fast.complete
+    np.testing.assert_allclose(slow.position, fast.position, atol=1e-10)
 
 
 def test_all_forty_poses_of_dietmaier_are_real(forty_real) -> None:
@@ -57,7 +66,7 @@ def test_newton_from_random_guesses_finds_nothing_new(rng: np.random.Generator) 
     hexapod, position, rotation = draw("planar 6-6", rng)
     lengths = stp.leg_lengths(hexapod, position, rotation)
     modes, found = stp.assembly_modes(hexapod, lengths), set()
-    for _ in range(150):
+    for _ in range(40):
         _, *guess = draw("planar 6-6", rng)
         pose = stp.hexapod_pose(hexapod, lengths, guess=tuple(guess), throw=False)
         if pose.success:
@@ -98,21 +107,6 @@ def test_griffis_duffy_moves_with_all_legs_locked(
     assert stp.AssemblySolver(griffis_duffy).n_generic == 0
     # A generic change of the lengths leaves no pose at all, and no curve.
     assert stp.assembly_modes(griffis_duffy, lengths * [1.01, 1, 1, 1, 1, 1]).kind == "finite"
-
-
-def test_double_pose_is_kept_but_not_certified() -> None:
-    # A leg Jacobian that is singular at the identity: the yaw of this robot is a double root there.
-    angle = np.pi / 3 * np.arange(6) + np.array([0.2, -0.2, 0.2, -0.2, 0.2, -0.2])
-    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(6)])
-    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    hexapod = stp.Hexapod(ring, 0.5 * np.roll(ring, 1, axis=0))
-    lengths = stp.leg_lengths(hexapod, [0.0, 0.0, 1.0], quarter)
-    jacobian = stp.leg_jacobian(hexapod, [0.0, 0.0, 1.0], quarter)
-    modes = stp.assembly_modes(hexapod, lengths)
-    gaps = np.abs(modes.position - [0, 0, 1]).max(axis=1) + np.abs(modes.rotation - quarter).max(axis=(1, 2))
-    singular = abs(np.linalg.det(jacobian)) < 1e-12
-    assert gaps.min() < (1e-4 if singular else 1e-9)
-    assert modes.certified[gaps.argmin()] != singular
 
 
 def test_a_lost_path_is_reported(rng: np.random.Generator) -> None:

@@ -74,15 +74,14 @@ def classify(start: StudyPlatform, target: StudyPlatform, tracked: Tracked) -> E
     norm = relative_norm(x)
     regular, infinite = arrived & (norm > _SMALL_NORM), np.zeros(len(x), dtype=bool)
     singular = infinite.copy()
-    ends = x.copy()
+    ends, stuck = x.copy(), (tracked.tau > 0.0) & (tracked.tau < _NEAR)
+    infinite[stuck] = _norm_vanishes(start, target, x[stuck], tracked.tau[stuck])
     for i in np.flatnonzero(~regular):
         if arrived[i]:
             regular[i] = _norm_is_settled(target, x[i])
             infinite[i] = not regular[i]
-        elif tracked.tau[i] < _NEAR:
-            infinite[i] = _norm_vanishes(start, target, x[i], float(tracked.tau[i]))
-            if not infinite[i] and norm[i] > _SMALL_NORM:
-                ends[i], singular[i] = _settle(target, x[i])
+        elif stuck[i] and not infinite[i] and norm[i] > _SMALL_NORM:
+            ends[i], singular[i] = _settle(target, x[i])
     once = distinct(x[regular])
     failed = int((~(regular | infinite | singular)).sum() + regular.sum() - len(once))
     return Endpoints(x[regular][once], ends[singular], int(infinite.sum()), failed)
@@ -135,12 +134,15 @@ def _norm_is_settled(target: StudyPlatform, x: ComplexArray) -> bool:
     return bool(abs(moved @ moved - e @ e) < 1e-3 * abs(e @ e))
 
 
-def _norm_vanishes(start: StudyPlatform, target: StudyPlatform, x: ComplexArray, tau: float) -> bool:
+def _norm_vanishes(
+    start: StudyPlatform, target: StudyPlatform, x: ComplexArray, tau: FloatArray
+) -> NDArray[np.bool_]:
     # d log⟨e, e⟩ / d log τ; the tangent is orthogonal to x, so the Hermitian norm does not change.
-    dx = tangent(start, target, x[None], np.array([tau]))[0]
-    e = x[:4]
-    power = tau * np.real(2.0 * (e @ dx[:4]) / (e @ e))
-    return bool(_VANISHES[0] < power < _VANISHES[1])
+    if len(x) == 0:
+        return np.empty(0, dtype=bool)
+    e, de = x[:, :4], tangent(start, target, x, tau)[:, :4]
+    power = tau * np.real(2.0 * (e * de).sum(axis=1) / (e * e).sum(axis=1))
+    return (_VANISHES[0] < power) & (power < _VANISHES[1])
 
 
 def _settle(target: StudyPlatform, x: ComplexArray) -> tuple[ComplexArray, bool]:

@@ -1,0 +1,156 @@
+"""What each assembly mode is like to live in: side of the singularities, conditioning, legs in each other's way.
+
+References
+----------
+.. [1] C. Ericson, "Real-Time Collision Detection", Morgan Kaufmann, 2005, section 5.1.9 (segment–segment distance).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stewart_pin.analysis.assembly_modes.records import AssemblyModes
+from stewart_pin.checks import as_array, as_positive
+from stewart_pin.errors import InputError
+from stewart_pin.geometry.hexapod import Hexapod, leg_vectors
+from stewart_pin.geometry.hexapod_pose import robot_size, scaled_jacobian
+from stewart_pin.typing import ArrayLike, FloatArray
+
+_TOUCHING = 1e-12
+"""Two leg ends closer than this, over the size of the robot, are one joint."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModeDescription:
+    """Properties of every assembly mode, in the order of the modes.
+
+    Attributes
+    ----------
+    side
+        (n,) sign of det J: modes of different sign are separated by a singularity [-].
+    condition
+        (n,) condition number of the leg Jacobian, turns in units of the robot's size [-].
+    clearance
+        (n,) least distance between the axes of two legs that share no joint [m].
+    closest_legs
+        (n, 2) the two legs of that distance, counted from 0.
+    in_stroke
+        (n,) whether all legs are within the stroke; True when no stroke is given.
+    legs_clear
+        (n,) whether no two legs touch; True when no radius is given.
+    """
+
+    side: NDArray[np.int_]
+    condition: FloatArray
+    clearance: FloatArray
+    closest_legs: NDArray[np.int_]
+    in_stroke: NDArray[np.bool_]
+    legs_clear: NDArray[np.bool_]
+
+
+def describe_modes(
+    hexapod: Hexapod,
+    modes: AssemblyModes,
+    *,
+    stroke: ArrayLike | None = None,
+    leg_radius: float | None = None,
+) -> ModeDescription:
+    """Describe every assembly mode.
+
+    Parameters
+    ----------
+    hexapod
+        Geometry.
+    modes
+        From `assembly_modes`.
+    stroke
+        Least and greatest leg length, (2,) for all legs or (2, 6) for each [m].
+    leg_radius
+        Radius of the legs [m].
+
+    Returns
+    -------
+    ModeDescription
+        In the order of `modes`.
+
+    Raises
+    ------
+    InputError
+        If a stroke ends before it begins.
+    """
+    legs, _ = leg_vectors(hexapod, modes.position, modes.rotation)
+    lengths = np.linalg.norm(legs, axis=-1)
+    in_stroke = np.ones(len(modes), dtype=bool)
+    if stroke is not None:
+        low, high = as_array("stroke", stroke, (2,) if np.ndim(stroke) == 1 else (2, 6))
+        if np.any(low > high):
+            raise InputError(f"stroke must give the least length first, got {low} and {high}")
+        in_stroke = ((lengths >= low) & (lengths <= high)).all(axis=1)
+    size = robot_size(hexapod, lengths) if len(modes) else 1.0
+    jacobian = scaled_jacobian(hexapod, modes.position, modes.rotation, size)
+    clearance, closest = _clearance(hexapod, legs, size)
+    clear = clearance > (0.0 if leg_radius is None else 2.0 * as_positive("leg_radius", leg_radius))
+    return ModeDescription(
+        np.linalg.slogdet(jacobian)[0].astype(int),
+        np.linalg.cond(jacobian),
+        clearance,
+        closest,
+        in_stroke,
+        clear if leg_radius is not None else np.ones(len(modes), dtype=bool),
+    )
+
+
+def segment_distance(a: FloatArray, u: FloatArray, b: FloatArray, v: FloatArray) -> FloatArray:
+    """Compute the least distance between segments a + s u and b + t v with s, t in [0, 1].
+
+    Parameters
+    ----------
+    a, b
+        (..., 3) first ends [m].
+    u, v
+        (..., 3) vectors along the segments, none of them zero [m].
+
+    Returns
+    -------
+    numpy.ndarray
+        (...,) distances [m].
+    """
+    w = a - b
+    uu, uv, vv, uw, vw = (_dot(x, y) for x, y in ((u, u), (u, v), (v, v), (u, w), (v, w)))
+    denominator = uu * vv - uv**2
+    parallel = denominator <= 1e-14 * uu * vv
+    s = np.clip(np.where(parallel, 0.0, (uv * vw - vv * uw) / np.where(parallel, 1.0, denominator)), 0.0, 1.0)
+    # The best t for that s; clamped, it asks for a new s.
+    t = np.clip((uv * s + vw) / vv, 0.0, 1.0)
+    s = np.clip((uv * t - uw) / uu, 0.0, 1.0)
+    return np.linalg.norm(w + s[..., None] * u - t[..., None] * v, axis=-1)
+
+
+def _dot(x: FloatArray, y: FloatArray) -> NDArray[Any]:
+    return (x * y).sum(axis=-1)
+
+
+def _clearance(hexapod: Hexapod, legs: FloatArray, size: float) -> tuple[FloatArray, NDArray[np.int_]]:
+    def apart(points: FloatArray, i: int, j: int) -> bool:
+        return float(np.linalg.norm(points[i] - points[j])) > _TOUCHING * size
+
+    pairs = np.array(
+        [
+            pair
+            for pair in combinations(range(6), 2)
+            if apart(hexapod.base_points, *pair) and apart(hexapod.platform_points, *pair)
+        ],
+        dtype=int,
+    ).reshape(-1, 2)
+    if len(pairs) == 0:
+        return np.full(len(legs), np.inf), np.zeros((len(legs), 2), dtype=int)
+    i, j = pairs.T
+    base = hexapod.base_points
+    distance = segment_distance(base[i], legs[:, i], base[j], legs[:, j])
+    best = distance.argmin(axis=1)
+    return distance.min(axis=1), pairs[best]
