@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.analysis.assembly_modes.certificates import certify
+from stewart_pin.analysis.assembly_modes.certificates import certify, proven_radius
 from stewart_pin.analysis.assembly_modes.study import Scaling
 from tests.analysis.platforms import draw
 
@@ -77,12 +77,31 @@ def test_no_certificate_where_there_is_no_solution(rng: np.random.Generator) -> 
     hexapod, position, rotation = draw("general 6-6", rng)
     lengths = stp.leg_lengths(hexapod, position, rotation)
     scaling = Scaling.of(hexapod, lengths)
-    # Real points anywhere: those that Newton's method leads nowhere get no certificate, the others a true one.
+    # Real points anywhere: where Newton's method leads nowhere there is no certificate, elsewhere a true one.
     points = rng.normal(size=(300, 8))
     proofs = certify(*scaling.points(hexapod), lengths / scaling.size, points)
     assert not proofs.certified.all()
     position, rotation = scaling.pose(proofs.points[proofs.certified])
     assert np.abs(stp.leg_lengths(hexapod, position, rotation) - lengths).max(initial=0.0) < 1e-10
+
+
+def test_the_ball_about_a_shifted_point_reaches_back_to_the_solution(rng: np.random.Generator) -> None:
+    hexapod, position, rotation = draw("general 6-6", rng)
+    lengths = stp.leg_lengths(hexapod, position, rotation)
+    modes, scaling = stp.assembly_modes(hexapod, lengths), Scaling.of(hexapod, lengths)
+    arguments = *scaling.points(hexapod), lengths / scaling.size
+    true = certify(*arguments, _study_points(scaling, modes)).points
+    chart = np.argmax(np.abs(true[:, :4]), axis=1)
+    proven = 0
+    for size in 10.0 ** np.arange(-12, 1):
+        shift = size * rng.uniform(-1.0, 1.0, true.shape)
+        shift[np.arange(len(true)), chart] = 0.0
+        radius = proven_radius(*arguments, true + shift)
+        assert (radius >= np.abs(shift).max(axis=1) * (1 - 1e-3)).all()
+        proven += np.isfinite(radius).sum()
+    # Near points are proven, far ones are not: the ball must fit the curvature of the equations.
+    assert len(true) < proven < 10 * len(true)
+    assert np.isinf(radius).all()
 
 
 def test_no_certificate_at_a_double_solution() -> None:

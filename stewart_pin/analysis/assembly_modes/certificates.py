@@ -78,54 +78,74 @@ def certify(base: FloatArray, platform: FloatArray, lengths: FloatArray, points:
     Certificates
         In the order of `points`.
     """
-    n = len(points)
-    chart = np.argmax(np.abs(points[:, :4]), axis=1)
-    x = points / points[np.arange(n), chart][:, None]
+    x, picked = _in_chart(points)
     study = StudyPlatform.from_points(base, platform, lengths**2)
-    matrices, squares = operators(study.difference, study.total), study.squares
-    bounds = operators(np.abs(base) + np.abs(platform), np.abs(base) + np.abs(platform))
-    sizes = np.abs(bounds), np.append(lengths[:1] ** 2, lengths[1:] ** 2 + lengths[0] ** 2)
-    rows, free = np.arange(n)[:, None], _FREE[chart]
-    picked = rows[:, :, None], np.arange(7)[:, None], free[:, None, :]
-    step, inverse = np.zeros((n, 7)), np.zeros((n, 7, 7))
+    matrices = operators(study.difference, study.total)
+    rows, free = picked[0][:, :, 0], picked[2][:, 0, :]
+    step = np.zeros((len(x), 7))
     with np.errstate(all="ignore"):
         for _ in range(2):
-            gradient = half_gradient(matrices, squares, x)
-            inverse = _inverse(2.0 * gradient[picked])
-            step = -(inverse @ (gradient @ x[:, :, None]))[:, :, 0]
+            gradient = half_gradient(matrices, study.squares, x)
+            step = -(_inverse(2.0 * gradient[picked]) @ (gradient @ x[:, :, None]))[:, :, 0]
             x[rows, free] += step
         size = np.abs(x).max(axis=1, initial=1.0)
         converged = np.isfinite(x).all(axis=1) & (np.abs(step).max(axis=1, initial=0.0) < 1e-6 * size)
         x[~converged] = points[~converged]
-        radius = _radius(squares, matrices, sizes, x, inverse, picked)
+    radius = proven_radius(base, platform, lengths, x)
     certified = converged & (radius < _GREATEST_RADIUS * size)
     return Certificates(x, converged, certified, np.where(certified, radius, np.inf))
 
 
-def _radius(
-    squares: FloatArray,
-    matrices: FloatArray,
-    sizes: tuple[FloatArray, FloatArray],
-    x: FloatArray,
-    inverse: FloatArray,
-    picked: tuple[NDArray[np.intp], ...],
+def proven_radius(
+    base: FloatArray, platform: FloatArray, lengths: FloatArray, points: FloatArray
 ) -> FloatArray:
-    """Find a radius for which the inequalities hold; not a number or infinite where there is none."""
-    gradient = half_gradient(matrices, squares, x)
-    gradient_size = _half_gradient_size(*sizes, np.abs(x))
-    y = np.abs(inverse)
-    residual = np.abs(gradient @ x[:, :, None]) + _GAMMA * (gradient_size @ np.abs(x)[:, :, None])
-    jacobian, jacobian_size = 2.0 * gradient[picked], 2.0 * gradient_size[picked]
-    eta = (y @ residual)[:, :, 0].max(axis=1, initial=0.0) * _UP
-    defect = np.abs(np.eye(7) - inverse @ jacobian) + _GAMMA * (np.eye(7) + y @ jacobian_size)
-    z0 = defect.sum(axis=2).max(axis=1, initial=0.0) * _UP
-    # |F''(v, v)| ≤ 2 Σ|Q| |v|²: the half-gradient of the point of ones, with all signs positive.
-    curvature = 2.0 * _half_gradient_size(*sizes, np.ones((1, 8))).sum(axis=2)
-    z2 = (y @ curvature[0]).max(axis=1, initial=0.0) * _UP
-    radius = 2.0 * eta / (1.0 - z0)
-    holds = (z0 < 1.0) & ((eta + z0 * radius + 0.5 * z2 * radius**2) * _UP <= radius)
-    holds &= (z0 + z2 * radius) * _UP < 1.0
+    """Find the radius of a ball about each point in which exactly one solution is proven to lie.
+
+    Parameters
+    ----------
+    base, platform
+        (5, 3) ends of legs 2 to 6 seen from those of leg 1, without unit; off by one rounding at most.
+    lengths
+        (6,) leg lengths in the same unit; exact.
+    points
+        (n, 8) real Study coordinates, the largest rotation coordinate one.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n,) greatest error of a Study coordinate; infinite where nothing could be proven [-].
+    """
+    x, picked = _in_chart(points)
+    study = StudyPlatform.from_points(base, platform, lengths**2)
+    bounds = operators(np.abs(base) + np.abs(platform), np.abs(base) + np.abs(platform))
+    sizes = np.abs(bounds), np.append(lengths[:1] ** 2, lengths[1:] ** 2 + lengths[0] ** 2)
+    with np.errstate(all="ignore"):
+        gradient = half_gradient(operators(study.difference, study.total), study.squares, x)
+        gradient_size = _half_gradient_size(*sizes, np.abs(x))
+        jacobian, jacobian_size = 2.0 * gradient[picked], 2.0 * gradient_size[picked]
+        inverse = _inverse(jacobian)
+        y = np.abs(inverse)
+        residual = np.abs(gradient @ x[:, :, None]) + _GAMMA * (gradient_size @ np.abs(x)[:, :, None])
+        eta = (y @ residual)[:, :, 0].max(axis=1, initial=0.0) * _UP
+        defect = np.abs(np.eye(7) - inverse @ jacobian) + _GAMMA * (np.eye(7) + y @ jacobian_size)
+        z0 = defect.sum(axis=2).max(axis=1, initial=0.0) * _UP
+        # |F''(v, v)| ≤ 2 Σ|Q| |v|²: the half-gradient of the point of ones, with all signs positive.
+        curvature = 2.0 * _half_gradient_size(*sizes, np.ones((1, 8))).sum(axis=2)
+        z2 = (y @ curvature[0]).max(axis=1, initial=0.0) * _UP
+        radius = 2.0 * eta / (1.0 - z0)
+        # Not-a-number fails every comparison, so it proves nothing.
+        holds = (z0 < 1.0) & ((eta + z0 * radius + 0.5 * z2 * radius**2) * _UP <= radius)
+        holds &= (z0 + z2 * radius) * _UP < 1.0
     return np.where(holds, radius, np.inf)
+
+
+def _in_chart(points: FloatArray) -> tuple[FloatArray, tuple[NDArray[np.intp], ...]]:
+    """Scale the largest rotation coordinate to one; give the indices that pick the other columns."""
+    n = len(points)
+    chart = np.argmax(np.abs(points[:, :4]), axis=1)
+    rows = np.arange(n)[:, None]
+    picked = rows[:, :, None], np.arange(7)[:, None], _FREE[chart][:, None, :]
+    return points / points[np.arange(n), chart][:, None], picked
 
 
 def _half_gradient_size(sizes: FloatArray, squares: FloatArray, x: FloatArray) -> FloatArray:

@@ -1,8 +1,8 @@
-"""What each assembly mode is like to live in: side of the singularities, conditioning, legs in each other's way.
+"""What each assembly mode is like: side of the singularities, conditioning, legs in each other's way.
 
 References
 ----------
-.. [1] C. Ericson, "Real-Time Collision Detection", Morgan Kaufmann, 2005, section 5.1.9 (segment–segment distance).
+.. [1] C. Ericson, "Real-Time Collision Detection", Morgan Kaufmann, 2005, section 5.1.9 (segments).
 """
 
 from __future__ import annotations
