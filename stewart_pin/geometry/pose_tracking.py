@@ -53,7 +53,7 @@ class TrackedPose:
     last_lengths
         (6,) its leg lengths [m].
     smallest_singular_value
-        Of the leg Jacobian at the last valid pose, turns in units of the robot's size [-].
+        Of the leg Jacobian at the last valid pose, turns in units of the robot's size, dimensionless.
     substeps
         Steps taken.
     """

@@ -167,6 +167,6 @@ def test_bad_input_is_named(report_cad: stp.Hexapod, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "numba", None)
     monkeypatch.delitem(sys.modules, "stewart_pin.analysis.assembly_modes.compiled_homotopy", raising=False)
     monkeypatch.delattr("stewart_pin.analysis.assembly_modes.compiled_homotopy", raising=False)
-    with pytest.raises(MissingExtraError, match=r"stewart_pin\[fast\]"):
+    with pytest.raises(MissingExtraError, match=r"stewart_pin\[compiled\]"):
         stp.assembly_modes(report_cad, np.ones(6), engine="numba")
     assert tracker_for(None) is homotopy.track

@@ -46,13 +46,13 @@ class Certificates:
     Attributes
     ----------
     points
-        (n, 8) polished Study coordinates, the largest rotation coordinate one.
+        (n, 8) polished Study coordinates, dimensionless, the largest rotation coordinate one.
     converged
-        (n,) whether Newton's method settled.
+        (n,) mask: Newton's method settled.
     certified
-        (n,) whether a solution within `radius` is proven.
+        (n,) mask: a solution within `radius` is proven.
     radius
-        (n,) bound on the error of every Study coordinate; infinite without a proof [-].
+        (n,) bound on the error of every Study coordinate; infinite without a proof, dimensionless.
     """
 
     points: FloatArray
@@ -67,11 +67,11 @@ def certify(base: FloatArray, platform: FloatArray, lengths: FloatArray, points:
     Parameters
     ----------
     base, platform
-        (5, 3) ends of legs 2 to 6 seen from those of leg 1, without unit; off by one rounding at most.
+        (5, 3) ends of legs 2 to 6 seen from those of leg 1, dimensionless; off by one rounding at most.
     lengths
-        (6,) leg lengths in the same unit; exact.
+        (6,) leg lengths, dimensionless; exact.
     points
-        (n, 8) real Study coordinates.
+        (n, 8) real Study coordinates, dimensionless.
 
     Returns
     -------
@@ -104,16 +104,16 @@ def proven_radius(
     Parameters
     ----------
     base, platform
-        (5, 3) ends of legs 2 to 6 seen from those of leg 1, without unit; off by one rounding at most.
+        (5, 3) ends of legs 2 to 6 seen from those of leg 1, dimensionless; off by one rounding at most.
     lengths
-        (6,) leg lengths in the same unit; exact.
+        (6,) leg lengths, dimensionless; exact.
     points
-        (n, 8) real Study coordinates, the largest rotation coordinate one.
+        (n, 8) real Study coordinates, dimensionless, the largest rotation coordinate one.
 
     Returns
     -------
     numpy.ndarray
-        (n,) greatest error of a Study coordinate; infinite where nothing could be proven [-].
+        (n,) greatest error of a Study coordinate; infinite where nothing could be proven, dimensionless.
     """
     x, picked = _in_chart(points)
     study = StudyPlatform.from_points(base, platform, lengths**2)

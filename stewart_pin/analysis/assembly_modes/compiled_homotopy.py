@@ -1,6 +1,6 @@
 """The tracker of `homotopy` compiled by numba, path after path: the same steps, ten times as fast.
 
-Imported only when the extra ``fast`` is installed. A path lives in the affine chart in which its largest
+Imported only when the extra ``compiled`` is installed. A path lives in the affine chart in which its largest
 coordinate is one, so a correction costs one 7×7 elimination. `x` is a Study point; `m`, `s` and `q` are the
 difference, total and squares of a `StudyPlatform`; `r` are the five quaternions e P_i - B_i e, `g` the
 half-gradients.

@@ -32,17 +32,17 @@ class ModeDescription:
     Attributes
     ----------
     side
-        (n,) sign of det J: modes of different sign are separated by a singularity [-].
+        (n,) sign of det J: modes of different sign are separated by a singularity, dimensionless.
     condition
-        (n,) condition number of the leg Jacobian, turns in units of the robot's size [-].
+        (n,) condition number of the leg Jacobian, turns in units of the robot's size, dimensionless.
     clearance
         (n,) least distance between the axes of two legs that share no joint [m].
     closest_legs
-        (n, 2) the two legs of that distance, counted from 0.
+        (n, 2) indices of the two legs of that distance.
     in_stroke
-        (n,) whether all legs are within the stroke; True when no stroke is given.
+        (n,) mask: all legs are within the stroke, or no stroke is given.
     legs_clear
-        (n,) whether no two legs touch; True when no radius is given.
+        (n,) mask: no two legs touch, or no radius is given.
     """
 
     side: NDArray[np.int_]
@@ -110,10 +110,14 @@ def segment_distance(a: FloatArray, u: FloatArray, b: FloatArray, v: FloatArray)
 
     Parameters
     ----------
-    a, b
-        (..., 3) first ends [m].
-    u, v
-        (..., 3) vectors along the segments, none of them zero [m].
+    a
+        (..., 3) first end of one segment [m].
+    u
+        (..., 3) vector along it, not zero [m].
+    b
+        (..., 3) first end of the other [m].
+    v
+        (..., 3) vector along it, not zero [m].
 
     Returns
     -------

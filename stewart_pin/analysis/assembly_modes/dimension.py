@@ -7,9 +7,9 @@ import numpy as np
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform, half_gradient, operators
 
 _STEP = 1e-2
-"""Distance at which a neighbour is sought [-]; at an isolated point the residual stays near its square."""
+"""Distance at which a neighbour is sought; near an isolated point the residual is its square at least."""
 _SOLVED = 1e-11
-"""Residual of a neighbour that solves the equations, relative to the gradients [-]."""
+"""Residual of a neighbour that solves the equations, relative to the gradients, dimensionless."""
 
 
 def lies_on_curve(platform: StudyPlatform, point: ComplexArray) -> bool:

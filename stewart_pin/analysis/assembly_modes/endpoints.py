@@ -93,12 +93,12 @@ def relative_norm(points: ComplexArray) -> FloatArray:
     Parameters
     ----------
     points
-        (n, 8) Study coordinates.
+        (n, 8) Study coordinates, dimensionless.
 
     Returns
     -------
     numpy.ndarray
-        (n,) zero at infinity [-].
+        (n,) zero at infinity, dimensionless.
     """
     e = points[:, :4]
     return np.abs((e * e).sum(axis=1)) / (np.abs(points) ** 2).sum(axis=1)
@@ -110,7 +110,7 @@ def distinct(points: NDArray[Any]) -> NDArray[np.intp]:
     Parameters
     ----------
     points
-        (n, 8) Study coordinates.
+        (n, 8) Study coordinates, dimensionless.
 
     Returns
     -------

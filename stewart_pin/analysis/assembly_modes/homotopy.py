@@ -34,13 +34,13 @@ class TrackerSettings:
     order
         Order of the Taylor series.
     contraction
-        Newton corrections must shrink at least by twice this factor [-].
+        Newton corrections must shrink at least by twice this factor, dimensionless.
     largest_error
-        Relative prediction error aimed at; five times as much is refused [-].
+        Relative prediction error aimed at; five times as much is refused, dimensionless.
     reach
-        Greatest step over the radius of convergence [-].
+        Greatest step over the radius of convergence, dimensionless.
     least_tau
-        Value of τ at which a path that has not arrived is left [-].
+        Value of τ at which a path that has not arrived is left, dimensionless.
     max_steps
         Steps after which a path is left.
     """
@@ -69,9 +69,9 @@ class Tracked:
     points
         (n, 8) last Study coordinates, of Hermitian norm one.
     tau
-        (n,) homotopy parameter reached; 0 means that the path arrived.
+        (n,) homotopy parameter reached, dimensionless; 0 means that the path arrived.
     steps
-        (n,) steps taken, refused ones included.
+        (n,) steps taken, refused ones included, dimensionless.
     """
 
     points: ComplexArray
@@ -135,7 +135,7 @@ def tangent(
     points
         (n, 8) points of the paths.
     tau
-        (n,) where they are [-].
+        (n,) where they are, dimensionless.
 
     Returns
     -------

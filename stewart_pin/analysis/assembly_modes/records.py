@@ -26,7 +26,7 @@ class AssemblyModes:
     residual
         (n,) greatest leg-length error of each pose [m].
     certified
-        (n,) whether a solution next to the pose is proven to exist, and to be the only one there.
+        (n,) mask: a solution next to the pose is proven to exist, and to be the only one there.
     n_complex
         Number of different finite complex solutions found, the real ones included.
     kind

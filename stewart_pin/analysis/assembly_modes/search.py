@@ -53,7 +53,7 @@ def tracker_for(engine: Engine | None) -> Tracker:
     Parameters
     ----------
     engine
-        ``"numba"`` needs the extra ``fast``; None takes it when it is installed.
+        ``"numba"`` needs the extra ``compiled``; None takes it when it is installed.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def tracker_for(engine: Engine | None) -> Tracker:
             from stewart_pin.analysis.assembly_modes import compiled_homotopy  # noqa: PLC0415
         except ImportError:
             if engine == "numba":
-                raise MissingExtraError("numba", "fast") from None
+                raise MissingExtraError("numba", "compiled") from None
         else:
             return compiled_homotopy.track
     return homotopy.track

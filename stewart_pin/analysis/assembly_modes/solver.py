@@ -45,7 +45,7 @@ def assembly_modes(hexapod: Hexapod, lengths: ArrayLike, *, engine: Engine | Non
     lengths
         (6,) leg lengths [m].
     engine
-        ``"numba"`` (extra ``fast``) or ``"numpy"``; None takes numba when it is installed.
+        ``"numba"`` (extra ``compiled``) or ``"numpy"``; None takes numba when it is installed.
 
     Returns
     -------
@@ -76,7 +76,7 @@ class AssemblySolver:
     hexapod
         Geometry.
     engine
-        ``"numba"`` (extra ``fast``) or ``"numpy"``; None takes numba when it is installed.
+        ``"numba"`` (extra ``compiled``) or ``"numpy"``; None takes numba when it is installed.
 
     Attributes
     ----------

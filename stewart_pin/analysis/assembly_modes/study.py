@@ -39,16 +39,16 @@ ComplexArray = NDArray[np.complexfloating[Any, Any]]
 
 @dataclass(frozen=True, eq=False)
 class StudyPlatform:
-    """The parameters of the seven quadrics, without unit.
+    """The parameters of the seven quadrics, dimensionless.
 
     Attributes
     ----------
     difference
-        (5, 3) platform points minus base points of legs 2 to 6, in frames at the ends of leg 1.
+        (5, 3) platform minus base points of legs 2 to 6, in frames at the ends of leg 1, dimensionless.
     total
-        (5, 3) platform points plus base points.
+        (5, 3) platform points plus base points, dimensionless.
     squares
-        (6,) squared length of leg 1, then what the squares of the others exceed it by.
+        (6,) squared length of leg 1, then what the squares of the others exceed it by, dimensionless.
     """
 
     difference: NDArray[Any]
@@ -62,9 +62,9 @@ class StudyPlatform:
         Parameters
         ----------
         base, platform
-            (5, 3) ends of legs 2 to 6, in frames at the ends of leg 1, without unit.
+            (5, 3) ends of legs 2 to 6, in frames at the ends of leg 1, dimensionless.
         squares
-            (6,) squared leg lengths, without unit.
+            (6,) squared leg lengths, dimensionless.
 
         Returns
         -------
@@ -125,7 +125,7 @@ class Scaling:
         Returns
         -------
         base, platform : numpy.ndarray
-            (5, 3) ends of legs 2 to 6, each in its own frame, without unit.
+            (5, 3) ends of legs 2 to 6, each in its own frame, dimensionless.
         """
         return (
             (hexapod.base_points[1:] - self.base_centre) / self.size,
@@ -138,7 +138,7 @@ class Scaling:
         Parameters
         ----------
         points
-            (n, 8) real Study coordinates, without unit.
+            (n, 8) real Study coordinates, dimensionless.
 
         Returns
         -------
@@ -162,12 +162,12 @@ def operators(difference: NDArray[Any], total: NDArray[Any]) -> NDArray[Any]:
     Parameters
     ----------
     difference, total
-        (..., 5, 3) platform points minus and plus base points, without unit.
+        (..., 5, 3) platform points minus and plus base points, dimensionless.
 
     Returns
     -------
     numpy.ndarray
-        (..., 5, 4, 4) matrices.
+        (..., 5, 4, 4) matrices, dimensionless.
     """
     m = np.zeros((*difference.shape[:-1], 4, 4), dtype=difference.dtype)
     m[..., 0, 1:], m[..., 1:, 0] = -difference, difference
@@ -183,16 +183,17 @@ def half_gradient(matrices: NDArray[Any], squares: NDArray[Any], points: NDArray
     Parameters
     ----------
     matrices
-        (5, 4, 4) from `operators`.
+        (5, 4, 4) from `operators`, dimensionless.
     squares
-        (6,) of a `StudyPlatform`.
+        (6,) of a `StudyPlatform`, dimensionless.
     points
-        (n, 8) Study coordinates.
+        (n, 8) Study coordinates, dimensionless.
 
     Returns
     -------
     numpy.ndarray
-        (n, 7, 8) one row for leg 1, one for each other leg minus leg 1, then the Study quadric.
+        (n, 7, 8) one row for leg 1, one for each other leg minus leg 1, then the Study quadric;
+        dimensionless.
     """
     e, h = points[:, :4], points[:, 4:]
     moved = (e @ matrices.reshape(20, 4).T).reshape(-1, 5, 4)
