@@ -46,7 +46,7 @@ class HexapodPose:
     residual
         Norm of the six leg-length errors reached [m].
     residuals
-        The same after every step, the guess first [m].
+        The same after every step, the guess first; zero where it is below the least double [m].
     iterations
         Steps taken.
     success
