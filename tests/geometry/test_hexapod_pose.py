@@ -57,7 +57,7 @@ def test_source_example_to_fifty_digits(source_hexapod: stp.Hexapod) -> None:
     assert pose.residual < 1e-50
     # 50 significant digits of numbers up to 18.
     assert _exact_residual(source_hexapod, pose.decimals) < 1e-48
-    # The printed numbers agree to 16 significant digits or more. Beyond those they do not solve the equations:
+    # The printed numbers agree to 16 significant digits or more. Beyond those they solve nothing:
     # their own residual is 1.9e-18, where the source claims 1e-50.
     for name, printed in PRINTED.items():
         assert float(pose.decimals[name]) == pytest.approx(float(printed), rel=1e-15)
