@@ -105,17 +105,15 @@ def _idle_names(chain: ClosedChain, q: Configuration, freedom: Freedom) -> tuple
 
 
 def _sparse_basis(columns: FloatArray) -> FloatArray:
-    """Reduce a basis to column echelon form, so that each vector moves as few joints as possible."""
-    basis = columns.copy()
-    for k in range(basis.shape[1]):
-        row = int(np.argmax(np.abs(basis[:, k:]).max(axis=1)))
-        pivot = k + int(np.argmax(np.abs(basis[row, k:])))
-        basis[:, [k, pivot]] = basis[:, [pivot, k]]
-        basis[:, k] /= basis[row, k]
-        others = [j for j in range(basis.shape[1]) if j != k]
-        basis[:, others] -= np.outer(basis[:, k], basis[row, others])
-    first = [int(np.argmax(np.abs(column) > _REST)) for column in basis.T]
-    return basis[:, np.argsort(first)] if columns.shape[1] else basis
+    """Reduce an orthonormal basis: each vector has one coordinate to itself, and moves few joints.
+
+    Pivots are the rows of largest norm, which no rotation of the basis changes: the result does not depend on it.
+    """
+    count = columns.shape[1]
+    if not count:
+        return columns
+    order = np.asarray(scipy.linalg.qr(columns.T, mode="r", pivoting=True)[-1])
+    return columns @ np.linalg.inv(columns[np.sort(order[:count])])
 
 
 def _describe(chain: ClosedChain, q: Configuration, motion: FloatArray) -> str:

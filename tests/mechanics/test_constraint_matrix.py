@@ -173,6 +173,7 @@ MECHANISMS = {
     "massless hub": lambda rng: hub(rng, None),
     "zero-mass hub": lambda rng: hub(rng, pin.Inertia.Zero()),
     "massless tip": lambda rng: massless_tip(rng),
+    "massless finger": lambda rng: massless_finger(rng),
     "welded": lambda rng: welded(rng),
     "cross": lambda rng: cross(rng),
     "ornaments": lambda rng: ornaments(rng),
@@ -204,6 +205,16 @@ def massless_tip(rng: np.random.Generator) -> stp.ClosedChain:
     )
     links = (Link("ground"), Link("link", body(rng)), Link("bracket"), Link("tip"))
     return build_chain(Mechanism("massless_tip", links, joints, platform="tip"))
+
+
+def massless_finger(rng: np.random.Generator) -> stp.ClosedChain:
+    """Let a motor move a link without mass that carries nothing, beside the platform."""
+    joints = (
+        Joint("first", R, "ground", "hand", turned(rng), X, independent=True),
+        Joint("second", P, "hand", "finger", turned(rng), Y, independent=True),
+    )
+    links = (Link("ground"), Link("hand", body(rng)), Link("finger"))
+    return build_chain(Mechanism("massless_finger", links, joints, platform="hand"))
 
 
 def welded(rng: np.random.Generator) -> stp.ClosedChain:
@@ -282,6 +293,7 @@ def test_bodies_of_odd_trees(rng: np.random.Generator) -> None:
         "massless hub": (("ground", "hub", "left_body", "right_body"), ("turn", "left", "right")),
         "zero-mass hub": (("ground", "hub", "left_body", "right_body"), ("turn", "left", "right")),
         "massless tip": (("ground", "link", "tip"), ("first", "bracket_fixed+second")),
+        "massless finger": (("ground", "hand", "finger"), ("first", "second")),
         "welded": (("ground", "post", "link", "load"), ("post_fixed", "turn", "bracket_fixed+load_fixed")),
         "cross": (("ground", "link"), ("one+two",)),
         "ornaments": (("ground", "link"), ("turn",)),

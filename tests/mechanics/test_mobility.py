@@ -9,7 +9,8 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.model.description import JointKind
 from tests.closed_states import robot
-from tests.mechanisms import arm, five_bar, four_bar, rotary_hexapod
+from tests.mechanisms import arm, five_bar, four_bar, rotary_hexapod, two_bodies
+from tests.rewritten import in_other_unit
 
 
 @pytest.mark.parametrize("name", ["stewart", "stewart_cad", "stewart_s1"])
@@ -74,3 +75,9 @@ def test_rods_with_balls_at_both_ends_may_spin() -> None:
     found = stp.mobility(rotary_hexapod())
     assert found.dof == 12 and found.motors_sufficient and found.redundant_rows == 0
     assert found.idle == tuple(f"rod{k}: spin about its axis" for k in range(6))
+
+
+def test_names_do_not_depend_on_the_unit_of_length(rng: np.random.Generator) -> None:
+    for kind in (JointKind.CYLINDRICAL, JointKind.PLANAR, JointKind.DISTANCE):
+        chain = two_bodies(kind, rng)
+        assert stp.mobility(in_other_unit(chain, 1e3)) == stp.mobility(chain)
