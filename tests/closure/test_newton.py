@@ -34,7 +34,7 @@ def test_closes_from_afar(name: str, rng: np.random.Generator) -> None:
         assert np.linalg.norm(here) <= 1.5 * np.linalg.norm(known)
 
 
-@pytest.mark.slow  # 10 s
+@pytest.mark.slow  # 5 s each on an idle core
 @pytest.mark.parametrize("name", stp.robots())
 def test_closes_from_all_of_500_guesses(name: str, rng: np.random.Generator) -> None:
     chain = robot(name)
