@@ -5,6 +5,11 @@
 
 from stewart_pin import errors as errors
 from stewart_pin import viz as viz
+from stewart_pin.analysis.assembly_modes import AssemblyModes as AssemblyModes
+from stewart_pin.analysis.assembly_modes import AssemblySolver as AssemblySolver
+from stewart_pin.analysis.assembly_modes import ModeDescription as ModeDescription
+from stewart_pin.analysis.assembly_modes import assembly_modes as assembly_modes
+from stewart_pin.analysis.assembly_modes import describe_modes as describe_modes
 from stewart_pin.building.exporting import export as export
 from stewart_pin.building.exporting import write_urdf as write_urdf
 from stewart_pin.building.floating_base import on_floating_base as on_floating_base
@@ -19,11 +24,6 @@ from stewart_pin.closure.equations import loop_jacobian as loop_jacobian
 from stewart_pin.closure.newton import Closure as Closure
 from stewart_pin.closure.newton import close_loops as close_loops
 from stewart_pin.closure.pinocchio_constraints import constraint_models as constraint_models
-from stewart_pin.analysis.assembly_modes import AssemblyModes as AssemblyModes
-from stewart_pin.analysis.assembly_modes import AssemblySolver as AssemblySolver
-from stewart_pin.analysis.assembly_modes import ModeDescription as ModeDescription
-from stewart_pin.analysis.assembly_modes import assembly_modes as assembly_modes
-from stewart_pin.analysis.assembly_modes import describe_modes as describe_modes
 from stewart_pin.geometry.hexapod import Hexapod as Hexapod
 from stewart_pin.geometry.hexapod import leg_jacobian as leg_jacobian
 from stewart_pin.geometry.hexapod import leg_lengths as leg_lengths
@@ -32,8 +32,22 @@ from stewart_pin.geometry.hexapod_bodies import HexapodBodies as HexapodBodies
 from stewart_pin.geometry.hexapod_bodies import RigidBody as RigidBody
 from stewart_pin.geometry.hexapod_dynamics import HexapodForces as HexapodForces
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics as hexapod_inverse_dynamics
+from stewart_pin.geometry.hexapod_pose import HexapodPose as HexapodPose
+from stewart_pin.geometry.hexapod_pose import hexapod_pose as hexapod_pose
 from stewart_pin.geometry.leg_motion import leg_accelerations as leg_accelerations
 from stewart_pin.geometry.leg_motion import leg_rates as leg_rates
+from stewart_pin.geometry.planar import PlanarRPR as PlanarRPR
+from stewart_pin.geometry.planar import planar_leg_jacobian as planar_leg_jacobian
+from stewart_pin.geometry.planar import planar_leg_lengths as planar_leg_lengths
+from stewart_pin.geometry.planar_modes import PlanarModes as PlanarModes
+from stewart_pin.geometry.planar_modes import PlanarModesBatch as PlanarModesBatch
+from stewart_pin.geometry.planar_modes import planar_assembly_modes as planar_assembly_modes
+from stewart_pin.geometry.planar_modes import planar_assembly_modes_batch as planar_assembly_modes_batch
+from stewart_pin.geometry.planar_polynomial import planar_pose_polynomial as planar_pose_polynomial
+from stewart_pin.geometry.planar_transitions import PlanarTransitions as PlanarTransitions
+from stewart_pin.geometry.planar_transitions import planar_transition_lengths as planar_transition_lengths
+from stewart_pin.geometry.pose_tracking import TrackedPose as TrackedPose
+from stewart_pin.geometry.pose_tracking import track_pose as track_pose
 from stewart_pin.geometry.serial import ArmBranches as ArmBranches
 from stewart_pin.geometry.serial import ArmReach as ArmReach
 from stewart_pin.geometry.serial import planar_arm_branches as planar_arm_branches
@@ -85,19 +99,5 @@ from stewart_pin.motion.trajectories import sample_times as sample_times
 from stewart_pin.motion.trajectories import sinusoidal_motion as sinusoidal_motion
 from stewart_pin.studies.comparison import Comparison as Comparison
 from stewart_pin.studies.comparison import compare_methods as compare_methods
-from stewart_pin.geometry.planar import PlanarRPR as PlanarRPR
-from stewart_pin.geometry.planar import planar_leg_jacobian as planar_leg_jacobian
-from stewart_pin.geometry.planar import planar_leg_lengths as planar_leg_lengths
-from stewart_pin.geometry.planar_modes import PlanarModes as PlanarModes
-from stewart_pin.geometry.planar_modes import PlanarModesBatch as PlanarModesBatch
-from stewart_pin.geometry.planar_modes import planar_assembly_modes as planar_assembly_modes
-from stewart_pin.geometry.planar_modes import planar_assembly_modes_batch as planar_assembly_modes_batch
-from stewart_pin.geometry.planar_polynomial import planar_pose_polynomial as planar_pose_polynomial
-from stewart_pin.geometry.planar_transitions import PlanarTransitions as PlanarTransitions
-from stewart_pin.geometry.planar_transitions import planar_transition_lengths as planar_transition_lengths
-from stewart_pin.geometry.hexapod_pose import HexapodPose as HexapodPose
-from stewart_pin.geometry.hexapod_pose import hexapod_pose as hexapod_pose
-from stewart_pin.geometry.pose_tracking import TrackedPose as TrackedPose
-from stewart_pin.geometry.pose_tracking import track_pose as track_pose
 
 __version__ = "0.1.0"

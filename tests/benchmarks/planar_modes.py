@@ -83,10 +83,10 @@ def main() -> None:
             times[name].append(perf_counter() - start)
     exact = counts["transition lengths (ours)"]
     slowest = median(times["sign scan, plain Python"])
-    print(f"{len(LENGTHS)} lengths, {ANGLES} angles, median of {ROUNDS}")  # noqa: T201
+    print(f"{len(LENGTHS)} lengths, {ANGLES} angles, median of {ROUNDS}")
     for name, measured in times.items():
         wrong = sum(a != b for a, b in zip(counts[name], exact, strict=True))
-        print(  # noqa: T201
+        print(
             f"{name:30s} {1e3 * median(measured):10.2f} ms   {slowest / median(measured):8.1f} x   "
             f"{wrong} counts differ"
         )
