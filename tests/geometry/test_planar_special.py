@@ -187,3 +187,17 @@ def test_nearly_congruent_triangles_keep_their_poses(excess: float) -> None:
     modes = stp.planar_assembly_modes(stp.PlanarRPR(triangle, triangle), [2.0, 2.0, 2.0 + excess])
     assert modes.kind == "finite" and len(modes) == 4 and modes.residual.max() < 1e-14
     assert abs(modes.angle[1] + modes.angle[2]) < excess
+
+
+@pytest.mark.parametrize("excess", [1e-5, 1e-7])
+def test_nearly_congruent_triangles_keep_the_generating_pose(rng: np.random.Generator, excess: float) -> None:
+    # All three circles nearly coincide; where two of them meet tells nothing about the pose.
+    for _ in range(40):
+        anchors = rng.normal(size=(3, 2))
+        planar = stp.PlanarRPR(anchors, anchors + excess * rng.normal(size=(3, 2)))
+        around, angle = rng.uniform(-np.pi, np.pi), excess * rng.normal()
+        position = rng.uniform(0.3, 2.0) * np.array([np.cos(around), np.sin(around)])
+        modes = stp.planar_assembly_modes(planar, stp.planar_leg_lengths(planar, position, angle))
+        assert len(modes) % 2 == 0 and modes.residual.max() < 1e-13
+        # The legs fix the pose along the circle by no more than round-off over the excess.
+        assert np.hypot(*(modes.position - position).T).min() < 1e-3
