@@ -5,7 +5,7 @@ the platform frame's origin and the angle of its x axis, both in the base frame.
 
 References
 ----------
-.. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, section 4.3.
+.. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, ch. 4 (direct kinematics).
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ def planar_leg_jacobian(planar: PlanarRPR, position: ArrayLike, angle: ArrayLike
 
     References
     ----------
-    .. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., 2006, section 5.3 (inverse Jacobian).
+    .. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., 2006, ch. 5 (inverse Jacobian).
     """
     legs, arms = planar_legs(planar, position, angle)
     lengths = np.hypot(legs[..., 0], legs[..., 1])

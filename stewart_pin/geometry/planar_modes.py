@@ -6,7 +6,7 @@ one in `planar_merging`, those with coinciding points in `planar_special`.
 
 References
 ----------
-.. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, section 4.3.
+.. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, ch. 4 (direct kinematics).
 .. [2] C. Gosselin, J. Sefrioui, M. Richard, "Solutions polynomiales au problème de la cinématique directe des
    manipulateurs parallèles plans à trois degrés de liberté", Mech. Mach. Theory 27(2), 1992.
 """
@@ -155,7 +155,7 @@ def planar_assembly_modes(planar: PlanarRPR, lengths: ArrayLike) -> PlanarModes:
 
     References
     ----------
-    .. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., 2006, section 4.3.
+    .. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., 2006, ch. 4 (direct kinematics).
 
     Examples
     --------

@@ -6,7 +6,7 @@ linear in w, so w = N(z) / D(z), and |w| = p_1 leaves f = |N|² - p_1² D² = 0 
 
 References
 ----------
-.. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, section 4.3.
+.. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, ch. 4 (direct kinematics).
 """
 
 from __future__ import annotations
