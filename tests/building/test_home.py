@@ -125,6 +125,19 @@ def test_flipped_axes_are_refused(kind: str, given: bool, tmp_path: Path) -> Non
         stp.load(write(tmp_path, text))
 
 
+@pytest.mark.parametrize("kind", ["prismatic", "fixed"])
+def test_half_turns_about_the_axis_are_refused(kind: str, tmp_path: Path) -> None:
+    """What may not turn may not be assembled half a turn off, though the axes agree."""
+    turned = loop(
+        "hinge", kind, "platform", "rocker", origin1='xyz="1 0 0"', origin2='xyz="1 0 0" rpy="0 0 1.5707963267948966"',
+        content="" if kind == "fixed" else AXIS_Z,
+    )  # fmt: skip
+    with pytest.raises(MechanismError, match="'hinge' point against each other"):
+        stp.load(write(tmp_path, robot(*FOUR_BAR, turned, home(**SQUARE))))
+    straight = turned.replace('"0 0 1.5707963267948966"', '"0 0 -1.5707963267948966"')
+    assert_closed(stp.load(write(tmp_path, robot(*FOUR_BAR, straight, home(**SQUARE)))))
+
+
 def test_loops_that_cannot_close_name_the_gap(tmp_path: Path) -> None:
     far = CLOSED.replace('xyz="1 0 0"', 'xyz="9 0 0"', 1)
     with pytest.raises(MechanismError, match=r"the smallest gap found is \d") as caught:

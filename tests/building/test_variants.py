@@ -38,10 +38,12 @@ def test_a_point_platform_is_a_point_at_the_platform_frame() -> None:
 
 PARTS = (
     link("plate", ""),
+    link("neck", ""),
     link("payload"),
     link("foot"),
-    joint("bolt", "arm", "plate", "fixed", origin='xyz="0 0 1" rpy="0 0.5 0"', axis=""),
-    joint("strap", "plate", "payload", "fixed", origin='xyz="1 2 3" rpy="0.3 0 0"', axis=""),
+    joint("bolt", "arm", "neck", "fixed", origin='xyz="0 0 1" rpy="0 0.5 0"', axis=""),
+    joint("nut", "neck", "plate", "fixed", origin='xyz="0.5 0 1" rpy="0.7 0 0.1"', axis=""),
+    joint("strap", "neck", "payload", "fixed", origin='xyz="1 2 3" rpy="0.3 0 0"', axis=""),
     joint("anchor", "base", "foot", "fixed", axis=""),
 )
 
