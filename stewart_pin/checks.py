@@ -94,11 +94,11 @@ def as_positive(name: str, value: float) -> float:
         If it is not a finite number above zero.
     """
     try:
-        number = float(value)
-    except (TypeError, ValueError):
+        number = float(value) if np.ndim(value) == 0 else np.nan
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} must be a number above zero, got {value!r}") from None
     if not np.isfinite(number) or number <= 0.0:
-        raise InputError(f"{name} must be a finite number above zero, got {number}")
+        raise InputError(f"{name} must be a finite number above zero, got {value}")
     return number
 
 
@@ -124,8 +124,10 @@ def require_broadcast(**shapes: tuple[int, ...]) -> None:
 
 def _as_float(name: str, value: ArrayLike) -> FloatArray:
     try:
+        if np.iscomplexobj(value):  # NumPy would drop the imaginary parts
+            raise TypeError
         return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{name} must be an array of real numbers, got {type(value).__name__}") from None
 
 

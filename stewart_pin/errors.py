@@ -15,6 +15,19 @@ import numpy as np
 class StewartPinError(Exception):
     """Base of all exceptions that the package raises on purpose."""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Exceptions are unpickled by calling the class with `args`, which lacks the keywords of the subclasses; an
+        # error in a worker process would break its pool.
+        return _restore, (type(self), self.args, self.__dict__)
+
+
+def _restore(kind: type[StewartPinError], args: tuple[Any, ...], state: dict[str, Any]) -> StewartPinError:
+    builtin = FileNotFoundError if issubclass(kind, FileNotFoundError) else Exception
+    error = builtin.__new__(kind)
+    error.args = args
+    error.__dict__.update(state)
+    return error
+
 
 class InputError(StewartPinError, ValueError):
     """An argument has the wrong shape, type or value."""
