@@ -15,9 +15,9 @@ from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
 from stewart_pin.typing import Configuration, FloatArray
 
-_ATTEMPTS = 64
+_ATTEMPTS = 16
 """Random configurations to start from."""
-_ROUNDS = 20
+_ROUNDS = 10
 """How often loops and limits are met in turn from one start."""
 _CLOSED_IN_FILE = 1e-3
 """How far closing the loops may move a joint of a home printed with few digits, in robot sizes and radians; also how

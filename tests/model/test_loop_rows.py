@@ -104,8 +104,8 @@ def test_closed_rows_mean_aligned_axes(kind: JointKind, rng: np.random.Generator
         return gap(loop, Rotation.from_rotvec(vector).as_matrix(), np.zeros(3))
 
     found = 0
-    for start in rng.uniform(-3, 3, (40, 3)):
-        result = least_squares(angles, start, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    for start in rng.uniform(-3, 3, (15, 3)):
+        result = least_squares(angles, start, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15)
         if np.abs(result.fun).max() > 1e-12:
             continue
         found += 1
@@ -114,7 +114,7 @@ def test_closed_rows_mean_aligned_axes(kind: JointKind, rng: np.random.Generator
         assert abs(abs(loop.axis @ turned @ loop.axis) - 1) < 1e-9
         if kind in HOLDS:
             assert min(abs(np.trace(turned) - 3), abs(np.trace(turned) + 1)) < 1e-9
-    assert found > 20
+    assert found > 8
 
 
 def test_triad_is_right_handed(rng: np.random.Generator) -> None:
