@@ -24,7 +24,7 @@ class NormalRow:
     Attributes
     ----------
     normal
-        (3,) unit vector in frame 1.
+        (3,) unit vector in loop frame 1.
     """
 
     normal: FloatArray
@@ -37,9 +37,9 @@ class AngleRow:
     Attributes
     ----------
     u1
-        (3,) unit vector in frame 1.
+        (3,) unit vector in loop frame 1.
     u2
-        (3,) unit vector in frame 2.
+        (3,) unit vector in loop frame 2.
     """
 
     u1: FloatArray
@@ -53,7 +53,7 @@ class LengthRow:
     Attributes
     ----------
     length
-        Distance between the frame origins [m].
+        Distance between the origins of the loop frames [m].
     """
 
     length: float

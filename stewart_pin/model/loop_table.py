@@ -20,15 +20,15 @@ class RowGroup:
     Attributes
     ----------
     index
-        (r,) position of each row among all loop rows.
+        (r,) index of each row among all loop rows.
     loop
         (r,) index of the loop of each row.
     vector1
-        (r, 3) unit vector in frame 1, normal or u1; unused by length rows.
+        (r, 3) unit vectors normal or u1 in loop frame 1; unused by length rows.
     vector2
-        (r, 3) unit vector u2 in frame 2; unused by normal and length rows.
+        (r, 3) unit vectors u2 in loop frame 2; unused by normal and length rows.
     length
-        (r,) [m], used by length rows.
+        (r,) distance between the frame origins [m], used by length rows.
     """
 
     index: np.ndarray
@@ -57,7 +57,8 @@ class LoopTable:
     translation1, translation2
         (L, 3) loop frames in their joints [m].
     difference
-        (L, nv) dimensionless: +1 where a tangent entry moves only frame 2, -1 where only frame 1, otherwise 0.
+        (L, nv) signs, dimensionless: +1 where a tangent entry moves only frame 2, -1 where only frame 1, 0 where both
+        or neither.
     normal, angle, rod
         Rows by primitive.
     """
