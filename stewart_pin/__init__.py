@@ -63,6 +63,21 @@ from stewart_pin.mechanics.articulated_body.loops import (
 from stewart_pin.mechanics.articulated_body.trees import (
     articulated_body_acceleration as articulated_body_acceleration,
 )
+from stewart_pin.mechanics.capability.hexapod_limits import load_limit as load_limit
+from stewart_pin.mechanics.capability.hexapod_limits import velocity_limits as velocity_limits
+from stewart_pin.mechanics.capability.hexapod_limits import (
+    velocity_limits_of_jacobian as velocity_limits_of_jacobian,
+)
+from stewart_pin.mechanics.capability.polytope import Ball as Ball
+from stewart_pin.mechanics.capability.polytope import Polytope as Polytope
+from stewart_pin.mechanics.capability.polytope import inscribed_ball as inscribed_ball
+from stewart_pin.mechanics.capability.polytope import polytope_contains as polytope_contains
+from stewart_pin.mechanics.capability.polytope import polytope_projection as polytope_projection
+from stewart_pin.mechanics.capability.polytope import polytope_reach as polytope_reach
+from stewart_pin.mechanics.capability.polytope import polytope_section as polytope_section
+from stewart_pin.mechanics.capability.polytope import polytope_support as polytope_support
+from stewart_pin.mechanics.capability.velocity import velocity_polytope as velocity_polytope
+from stewart_pin.mechanics.capability.wrench import wrench_polytope as wrench_polytope
 from stewart_pin.mechanics.constrained import forward_dynamics as forward_dynamics
 from stewart_pin.mechanics.constraint_matrix.system import ConstraintMatrixSystem as ConstraintMatrixSystem
 from stewart_pin.mechanics.constraint_matrix.system import (

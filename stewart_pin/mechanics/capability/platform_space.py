@@ -1,0 +1,211 @@
+"""The motions of the platform, in coordinates that fit them, and the limits that a file states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stewart_pin.checks import as_positive
+from stewart_pin.errors import InputError, UnsupportedError
+from stewart_pin.mechanics.capability.enumeration import Shape
+from stewart_pin.mechanics.capability.polytope import Polytope
+from stewart_pin.mechanics.freedom import RANK, Freedom
+from stewart_pin.mechanics.kinematics import motion_matrix
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray
+
+_ALONG = 1e-9
+"""Distance of an axis from the space of motions below which the platform moves along it, lengths normalised."""
+_NO_LIMIT = 1e20
+"""Files write 1e30 where a joint has no limit."""
+_TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
+_WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+
+
+@dataclass(frozen=True, eq=False)
+class PlatformSpace:
+    """Twists that the platform can do at one configuration, lengths normalised: (v, ω · length).
+
+    Attributes
+    ----------
+    basis
+        (6, d) orthonormal; the axes themselves where the platform moves along axes [dimensionless].
+    share
+        (d, dof) coordinates of the normalised twist per motion of `Freedom.motions` [m/s per motion].
+    aligned
+        The axis of each coordinate, or None when they are no axes.
+    length
+        Normalising length [m].
+    """
+
+    basis: FloatArray
+    share: FloatArray
+    aligned: tuple[int, ...] | None
+    length: float
+
+    def polytope(self, shape: Shape, kind: str) -> Polytope:
+        """Express a shape in these coordinates as velocities or wrenches with their units.
+
+        Parameters
+        ----------
+        shape
+            In normalised coordinates [m/s or N].
+        kind
+            ``"velocity"`` or ``"wrench"``.
+
+        Returns
+        -------
+        Polytope
+            The same set.
+        """
+        velocity = kind == "velocity"
+        # Normalised twists are (v, ω length), normalised wrenches (f, m / length): their product is the power.
+        stretch = np.repeat([1.0, self.length if velocity else 1 / self.length], 3)
+        if self.aligned is None:
+            d = self.basis.shape[1]
+            names, units = tuple(f"mode {k + 1}" for k in range(d)), ("m/s" if velocity else "N",) * d
+            scale, basis = np.ones(d), self.basis / stretch[:, None]
+        else:
+            axes = list(self.aligned)
+            names = tuple((_TWIST if velocity else _WRENCH)[k] for k in axes)
+            units = tuple((("m/s", "rad/s") if velocity else ("N", "N m"))[k // 3] for k in axes)
+            scale, basis = stretch[axes], self.basis
+        return Polytope(
+            vertices=shape.vertices / scale,
+            normals=shape.normals * scale,
+            offsets=shape.offsets,
+            limits=shape.limits,
+            names=names,
+            units=units,
+            scale=scale,
+            basis=basis,
+            length=self.length,
+        )
+
+
+def platform_space(
+    chain: ClosedChain, q: Configuration, freedom: Freedom, length: float | None
+) -> PlatformSpace:
+    """Find coordinates for the platform's motions.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    freedom
+        Its motions there.
+    length
+        Normalising length; default: the size of the robot [m].
+
+    Returns
+    -------
+    PlatformSpace
+        The coordinates.
+
+    Raises
+    ------
+    UnsupportedError
+        If the platform cannot move.
+    """
+    length = chain.length_scale if length is None else as_positive("length", length)
+    twist = motion_matrix(chain, q)[chain.nc :] @ freedom.motions
+    twist[3:] *= length
+    u, s, _ = np.linalg.svd(twist)
+    d = int(np.count_nonzero(s > RANK * s[0])) if s.size and s[0] > 0 else 0
+    if d == 0:
+        raise UnsupportedError(f"the platform '{chain.platform}' of '{chain.name}' cannot move here")
+    basis = u[:, :d]
+    along = [k for k in range(6) if 1.0 - float(np.linalg.norm(basis[k])) < _ALONG]
+    aligned = tuple(along) if len(along) == d else None
+    if aligned is not None:
+        basis = np.eye(6)[:, along]
+    return PlatformSpace(basis=basis, share=basis.T @ twist, aligned=aligned, length=length)
+
+
+def as_limit(name: str, value: ArrayLike, count: int) -> FloatArray:
+    """Check largest absolute values, one for all or one each.
+
+    Parameters
+    ----------
+    name
+        Name of the argument, for the message.
+    value
+        What the caller passed [any unit].
+    count
+        How many are needed.
+
+    Returns
+    -------
+    numpy.ndarray
+        (count,) limits [any unit].
+
+    Raises
+    ------
+    InputError
+        If they are not one or `count` finite numbers above zero.
+    """
+    try:
+        limit = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be one number or {count}, got {value!r}") from None
+    if limit.shape not in ((), (count,)):
+        raise InputError(
+            f"{name} must be one number or an array of shape ({count},), got shape {limit.shape}"
+        )
+    if not np.isfinite(limit).all() or (limit <= 0).any():
+        raise InputError(f"{name} must be finite and above zero, got {limit}")
+    return np.broadcast_to(limit, (count,)).copy()
+
+
+def motor_limit(chain: ClosedChain, name: str, value: ArrayLike | None, of_file: FloatArray) -> FloatArray:
+    """Choose between a limit that the caller gives and those of the file.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    name
+        Name of the argument, for the message.
+    value
+        (nu,) or one number, or None for the file's [any unit].
+    of_file
+        (nv,) the file's [any unit].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nu,) largest absolute values [any unit].
+
+    Raises
+    ------
+    InputError
+        If the file states none, or zero, and the caller gave none.
+    """
+    if value is not None:
+        return as_limit(name, value, chain.nu)
+    limit = np.array(of_file[chain.motor_index])
+    missing = [m for m, x in zip(chain.motors, limit, strict=True) if not 0.0 < x < _NO_LIMIT]
+    if missing:
+        raise InputError(
+            f"the file of '{chain.name}' states no usable limit for the motors {', '.join(missing)}; pass {name}=..."
+        )
+    return limit
+
+
+def stated(limit: FloatArray) -> FloatArray:
+    """Tell which of the file's limits limit anything.
+
+    Parameters
+    ----------
+    limit
+        Limits of any shape [any unit].
+
+    Returns
+    -------
+    numpy.ndarray
+        The same, infinite where the file writes a number that stands for none [any unit].
+    """
+    return np.where(limit < _NO_LIMIT, limit, np.inf)

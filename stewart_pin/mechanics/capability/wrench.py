@@ -1,0 +1,111 @@
+"""All wrenches that a platform at rest can exert within the effort limits of its motors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.mechanics.capability.enumeration import image_of_limits
+from stewart_pin.mechanics.capability.platform_space import motor_limit, platform_space
+from stewart_pin.mechanics.capability.polytope import Polytope
+from stewart_pin.mechanics.capability.velocity import closed_configuration
+from stewart_pin.mechanics.constrained import require_held
+from stewart_pin.mechanics.freedom import analyse_freedom, null_space
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.typing import ArrayLike, FloatArray
+
+_RANK = 1e-10
+"""Singular values below this, relative to the largest, count as zero."""
+_AT_REST = 1e-9
+"""Share of the weight on freedoms without motor that is round-off."""
+
+
+def wrench_polytope(
+    chain: ClosedChain,
+    q: ArrayLike,
+    *,
+    effort_limit: ArrayLike | None = None,
+    gravity: bool = False,
+    length: float | None = None,
+) -> Polytope:
+    r"""Find all wrenches that the platform can exert on its surroundings at rest.
+
+    By virtual work, with N the motions that keep the loops closed and P the platform's Jacobian,
+
+    .. math:: (P N)^\top w = (S N)^\top \tau - N^\top g(q), \qquad |\tau| \le \tau_{max}.
+
+    The set is exact: a skewed box with 64 corners for six motors and six freedoms, a zonotope for redundant motors.
+    A wrench that the structure carries without any motor (across the plane of a planar robot) is left out; joints at
+    the end of their range are not taken as stops that carry load.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    effort_limit
+        (nu,) or one number: largest absolute motor effort; default: the file's effort limits [N or N m].
+    gravity
+        Whether the motors carry the weight of all bodies first; otherwise everything is weightless.
+    length
+        Length that makes moments and forces comparable; default: ``chain.length_scale`` [m].
+
+    Returns
+    -------
+    Polytope
+        Wrenches [f; m] about the platform origin in world axes, or conjugate to the coordinates that a platform with
+        fewer freedoms has. The load that can be put on the platform is minus these.
+
+    Raises
+    ------
+    ActuationError
+        If the motors cannot hold the robot.
+    InputError
+        If the loops are open at q, or neither the file nor the caller states a limit.
+    UnsupportedError
+        If no efforts within the limits keep the inner motions of the robot at rest.
+    """
+    q = closed_configuration(chain, q)
+    most = motor_limit(chain, "effort_limit", effort_limit, chain.model.upperEffortLimit)
+    freedom = analyse_freedom(chain, q)
+    require_held(chain, freedom)
+    space = platform_space(chain, q, freedom, length)
+
+    # Efforts in shares of their limits, so that all bounds are one.
+    motors = (freedom.motions[chain.motor_index].T) * most
+    weight = np.zeros(freedom.motions.shape[1])
+    if gravity:
+        weight = freedom.motions.T @ pin.computeGeneralizedGravity(chain.model, pin.Data(chain.model), q)
+    held, efforts = _inner_balance(space.share, motors, weight)
+    to_platform = np.linalg.pinv(space.share.T, rcond=_RANK)
+    names = tuple((f"{m} at {-x:+.6g}", f"{m} at {x:+.6g}") for m, x in zip(chain.motors, most, strict=True))
+    shape = image_of_limits(
+        efforts, -1.0 - held, 1.0 - held, names,
+        to_platform @ motors @ efforts, to_platform @ (motors @ held - weight),
+    )  # fmt: skip
+    if shape is None:
+        raise UnsupportedError("no efforts within the limits keep the robot at rest; raise effort_limit")
+    return space.polytope(shape, "wrench")
+
+
+def _inner_balance(
+    share: FloatArray, motors: FloatArray, weight: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Keep the motions that leave the platform at rest (a redundant arm's, an idle spin) in balance for themselves.
+
+    Gives efforts that carry the weight on these motions, and a basis of those that do not load them.
+    """
+    inner, _ = null_space(share)
+    u, s, vt = np.linalg.svd(inner.T @ motors)
+    # Relative to all that the motors do: an idle motion is driven by nothing but round-off.
+    rank = int(np.count_nonzero(s > _RANK * np.linalg.norm(motors, 2)))
+    needed = inner.T @ weight
+    held = vt[:rank].T @ ((u[:, :rank].T @ needed) / s[:rank])
+    left = float(np.abs(inner.T @ motors @ held - needed).max(initial=0.0))
+    if left > _AT_REST * max(1.0, float(np.abs(weight).max())):
+        raise UnsupportedError(
+            f"the robot cannot rest here: {left:.3g} N or N m of its weight loads a motion that no motor drives"
+        )
+    return held, vt[rank:].T
