@@ -10,6 +10,8 @@ from stewart_pin.analysis.assembly_modes import AssemblySolver as AssemblySolver
 from stewart_pin.analysis.assembly_modes import ModeDescription as ModeDescription
 from stewart_pin.analysis.assembly_modes import assembly_modes as assembly_modes
 from stewart_pin.analysis.assembly_modes import describe_modes as describe_modes
+from stewart_pin.analysis.workspace import WorkspaceSamples as WorkspaceSamples
+from stewart_pin.analysis.workspace import sample_workspace as sample_workspace
 from stewart_pin.building.exporting import export as export
 from stewart_pin.building.exporting import write_urdf as write_urdf
 from stewart_pin.building.floating_base import on_floating_base as on_floating_base

@@ -1,0 +1,289 @@
+"""Where a six-legged platform can go without turning: a cloud of points, what stops it there, and how well it moves.
+
+At a fixed orientation the length of leg i is the distance of the platform origin from the fixed point
+c_i = B_i - R P_i. The workspace is what six spherical shells around these points have in common; a leg length changes
+at most as much as the position does, which makes the volume bounds below rigorous.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage
+
+from stewart_pin.checks import as_array, as_positive
+from stewart_pin.errors import InputError
+from stewart_pin.geometry.hexapod import Hexapod, leg_lengths, leg_vectors
+from stewart_pin.geometry.rotations import as_rotation
+from stewart_pin.typing import ArrayLike, FloatArray
+
+_ACROSS = 60
+"""Points across the widest direction, when no spacing is given."""
+_MOST = 20_000_000
+_CHUNK = 200_000
+"""Points that are evaluated at once: 100 MB of Jacobians."""
+_COARSE = 20
+"""Cells along each axis when the bounds are tightened."""
+_SINGULAR = 1e-12
+"""Determinant of the normalised Jacobian that is round-off."""
+_NOISE = 1e-14
+"""Smallest over largest singular value that is round-off."""
+
+
+@dataclass(frozen=True, eq=False)
+class WorkspaceSamples:
+    """Points of a regular grid that lie in the workspace or within a cell of its boundary.
+
+    Attributes
+    ----------
+    position
+        (N, 3) platform origins, in the base frame [m].
+    inside
+        (N,) whether all legs are within their stroke.
+    clearance
+        (N,) least distance of a leg length from a limit, negative outside [m].
+    limiting_leg
+        (N,) index of the leg that has this clearance, from 0.
+    limiting_end
+        (N,) -1 where its least length limits, +1 where its greatest does.
+    condition
+        (N,) condition number of the leg Jacobian, moments divided by `length`; infinite where it is singular.
+    determinant_sign
+        (N,) sign of its determinant; it changes where a singularity is crossed, and is 0 on one.
+    index
+        (N, 3) cell of each point in the grid.
+    shape
+        Number of cells of the whole grid along x, y, z.
+    spacing
+        Side of a cell [m].
+    bounds
+        (2, 3) least and greatest x, y, z that the legs allow, to a coarse cell, outwards [m].
+    volume
+        Of the cells whose centre is inside [m³].
+    volume_error
+        Standard error of `volume`, as if one random point decided for each cell that the boundary cuts [m³].
+    volume_bounds
+        Volume of the cells that are inside as a whole, and of those that are not outside as a whole [m³].
+    pieces
+        Number of separate parts with a hundredth of the points or more each; single cells on sharp edges do not count.
+    length
+        Length that makes turning and shifting comparable [m].
+    """
+
+    position: FloatArray
+    inside: np.ndarray
+    clearance: FloatArray
+    limiting_leg: np.ndarray
+    limiting_end: np.ndarray
+    condition: FloatArray
+    determinant_sign: np.ndarray
+    index: np.ndarray
+    shape: tuple[int, int, int]
+    spacing: float
+    bounds: FloatArray
+    volume: float
+    volume_error: float
+    volume_bounds: tuple[float, float]
+    pieces: int
+    length: float
+
+    @property
+    def dexterity(self) -> FloatArray:
+        """(N,) inverse of the condition number: 1 at best, 0 at a singularity."""
+        return 1.0 / self.condition
+
+    @property
+    def boundary(self) -> np.ndarray:
+        """(N,) whether a point is inside and within one cell of the boundary."""
+        return self.inside & (self.clearance < self.spacing)
+
+    @property
+    def crosses_singularity(self) -> bool:
+        """Whether the workspace holds points on both sides of a singularity, or on one."""
+        return (
+            np.unique(self.determinant_sign[self.inside]).size > 1
+            or not self.determinant_sign[self.inside].all()
+        )
+
+
+def sample_workspace(
+    hexapod: Hexapod,
+    rotation: ArrayLike,
+    *,
+    stroke: tuple[float, float],
+    sheet: str = "upper",
+    spacing: float | None = None,
+    length: float | None = None,
+) -> WorkspaceSamples:
+    """Sample the positions that a platform can take at one orientation.
+
+    Parameters
+    ----------
+    hexapod
+        Geometry.
+    rotation
+        (3, 3) platform axes in the base frame.
+    stroke
+        Least and greatest leg length [m].
+    sheet
+        ``"upper"``: the mean of the platform points above that of the base points (along base z); ``"lower"``: below;
+        or ``"both"``.
+    spacing
+        Distance of the points; default: a sixtieth of the widest extent [m].
+    length
+        Length that divides the moments of the Jacobian; default: root mean square distance of the platform points
+        from the platform origin [m].
+
+    Returns
+    -------
+    WorkspaceSamples
+        The points, and the volume. Empty, with volume 0, when the legs do not meet anywhere.
+
+    Raises
+    ------
+    InputError
+        If the stroke is empty, or the spacing asks for more than twenty million points.
+    """
+    rotation = as_rotation("rotation", as_array("rotation", rotation, (3, 3)))
+    low, high = as_array("stroke", stroke, (2,))
+    if not 0 <= low < high:
+        raise InputError(
+            f"stroke must be (least, greatest) leg length with 0 <= least < greatest, got ({low:g}, {high:g})"
+        )
+    if sheet not in ("upper", "lower", "both"):
+        raise InputError(f"sheet must be 'upper', 'lower' or 'both', got {sheet!r}")
+    radius = float(np.sqrt((hexapod.platform_points**2).sum(axis=1).mean())) or 1.0
+    length = radius if length is None else as_positive("length", length)
+    bounds = _bounds(hexapod, rotation, (low, high), sheet)
+    extent = bounds[1] - bounds[0]
+    if spacing is None:
+        spacing = max(float(extent.max()), np.finfo(float).tiny) / _ACROSS
+    spacing = as_positive("spacing", spacing)
+    cells = np.ceil(np.maximum(extent, 0.0) / spacing - 1e-9)
+    if cells.prod() > _MOST:
+        raise InputError(
+            f"spacing {spacing:g} m makes {cells.prod():.3g} points in {extent[0]:.3g} x {extent[1]:.3g} x "
+            f"{extent[2]:.3g} m; choose at least {(extent.prod() / _MOST) ** (1 / 3):.3g} m"
+        )
+    # Cells begin at the plane between the sheets, so that none belongs to both.
+    start = bounds[0].copy()
+    if sheet == "lower":
+        start[2] = bounds[1, 2] - cells[2] * spacing
+    shape = tuple(int(n) for n in cells)
+    return _evaluate(hexapod, rotation, (low, high), start, bounds, shape, spacing, length)
+
+
+def _evaluate(
+    hexapod: Hexapod,
+    rotation: FloatArray,
+    stroke: tuple[float, float],
+    start: FloatArray,
+    bounds: FloatArray,
+    shape: tuple[int, ...],
+    spacing: float,
+    length: float,
+) -> WorkspaceSamples:
+    reach = spacing * np.sqrt(3.0) / 2
+    kept: list[tuple[np.ndarray, ...]] = []
+    total = int(np.prod(shape))
+    for first in range(0, total, _CHUNK):
+        index = np.stack(np.unravel_index(np.arange(first, min(first + _CHUNK, total)), shape), axis=-1)
+        clearance, leg, end = _clearance(hexapod, start + (index + 0.5) * spacing, rotation, stroke)
+        near = clearance > -reach
+        kept.append((index[near], clearance[near], leg[near], end[near]))
+    if not kept:
+        kept.append(
+            (np.zeros((0, 3), dtype=int), np.zeros(0), np.zeros(0, dtype=int), np.zeros(0, dtype=int))
+        )
+    index, clearance, leg, end = (np.concatenate(part) for part in zip(*kept, strict=True))
+    position = start + (index + 0.5) * spacing
+    inside = clearance >= 0.0
+    condition, sign = _quality(hexapod, position, rotation, length)
+    filled = np.zeros(shape, dtype=bool)
+    filled[tuple(index[inside].T)] = True
+    cell = spacing**3
+    # As many cells are cut by the boundary as 1.5 times those whose centre is within half a cell of it (the mean of
+    # |n_x| + |n_y| + |n_z|); one random point in a cut cell is inside or not with variance p (1 - p), 1/6 on average.
+    cut = 1.5 * np.count_nonzero(np.abs(clearance) < spacing / 2)
+    return WorkspaceSamples(
+        position=position,
+        inside=inside,
+        clearance=clearance,
+        limiting_leg=leg,
+        limiting_end=end,
+        condition=condition,
+        determinant_sign=sign,
+        index=index,
+        shape=(shape[0], shape[1], shape[2]),
+        spacing=spacing,
+        bounds=bounds,
+        volume=float(np.count_nonzero(inside) * cell),
+        volume_error=float(np.sqrt(cut / 6.0) * cell),
+        volume_bounds=(float(np.count_nonzero(clearance >= reach) * cell), float(len(index) * cell)),
+        pieces=_pieces(filled),
+        length=length,
+    )
+
+
+def _pieces(filled: np.ndarray) -> int:
+    labels = np.zeros(filled.shape, dtype=np.int32)
+    ndimage.label(filled, structure=np.ones((3, 3, 3)), output=labels)
+    sizes = np.bincount(labels.ravel())[1:]
+    return int(np.count_nonzero(sizes >= 0.01 * sizes.sum()))
+
+
+def _bounds(hexapod: Hexapod, rotation: FloatArray, stroke: tuple[float, float], sheet: str) -> FloatArray:
+    """Box around the workspace: what the outer spheres have in common, less the cells that are certainly empty."""
+    centres = hexapod.base_points - hexapod.platform_points @ rotation.T
+    box = np.array([(centres - stroke[1]).max(axis=0), (centres + stroke[1]).min(axis=0)])
+    between = float(centres[:, 2].mean())
+    if sheet == "upper":
+        box[0, 2] = max(box[0, 2], between)
+    elif sheet == "lower":
+        box[1, 2] = min(box[1, 2], between)
+    nothing = np.array([centres.mean(axis=0)] * 2)
+    for _ in range(3):
+        if (box[0] >= box[1]).any():
+            return nothing
+        side = (box[1] - box[0]) / _COARSE
+        index = np.stack(np.meshgrid(*[np.arange(_COARSE)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+        clearance, _, _ = _clearance(hexapod, box[0] + (index + 0.5) * side, rotation, stroke)
+        left = index[clearance > -np.linalg.norm(side) / 2]
+        if not len(left):
+            return nothing
+        box = np.array([box[0] + left.min(axis=0) * side, box[0] + (left.max(axis=0) + 1) * side])
+    return box
+
+
+def _clearance(
+    hexapod: Hexapod, position: FloatArray, rotation: FloatArray, stroke: tuple[float, float]
+) -> tuple[FloatArray, np.ndarray, np.ndarray]:
+    """Least distance of a leg length from a limit, the leg, and the end of its stroke."""
+    lengths = leg_lengths(hexapod, position, rotation)
+    ends = np.concatenate([lengths - stroke[0], stroke[1] - lengths], axis=-1)
+    worst = ends.argmin(axis=-1)
+    clearance = np.take_along_axis(ends, worst[:, None], axis=-1)[:, 0]
+    return clearance, worst % 6, np.where(worst < 6, -1, 1)
+
+
+def _quality(
+    hexapod: Hexapod, position: FloatArray, rotation: FloatArray, length: float
+) -> tuple[FloatArray, np.ndarray]:
+    """Condition number of the normalised leg Jacobian, and the sign of its determinant."""
+    condition, sign = np.empty(len(position)), np.empty(len(position), dtype=int)
+    for first in range(0, len(position), _CHUNK):
+        part = slice(first, first + _CHUNK)
+        legs, arms = leg_vectors(hexapod, position[part], rotation)
+        size = np.linalg.norm(legs, axis=-1, keepdims=True)
+        # A leg without length has no direction; its row of zeros makes the point singular.
+        u = legs / np.where(size == 0.0, 1.0, size)
+        jacobian = np.concatenate([u, np.cross(arms, u) / length], axis=-1)
+        singular = np.linalg.svd(jacobian, compute_uv=False)
+        regular = singular[:, -1] > _NOISE * singular[:, 0]
+        condition[part] = np.divide(
+            singular[:, 0], singular[:, -1], out=np.full(len(legs), np.inf), where=regular
+        )
+        determinant = np.linalg.det(jacobian)
+        sign[part] = np.where(np.abs(determinant) < _SINGULAR, 0, np.sign(determinant))
+    return condition, sign

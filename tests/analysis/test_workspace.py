@@ -1,0 +1,165 @@
+"""The sampled workspace against exact columns, against every leg, and against its own bounds."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.errors import InputError
+from stewart_pin.geometry.rotations import rotation_from_rpy
+
+# S0.4: actuator output 0.7 to 1.2 m, plus 1.50147 m.
+STROKE = (2.20147, 2.70147)
+LEVEL = np.eye(3)
+
+
+def column_volume(hexapod: stp.Hexapod, rotation: np.ndarray, bounds: np.ndarray, count: int) -> float:
+    """Integrate exact vertical extents above the highest centre: along a column every shell is an interval."""
+    centres = hexapod.base_points - hexapod.platform_points @ rotation.T
+    side = (bounds[1, :2] - bounds[0, :2]) / count
+    x, y = (bounds[0, k] + side[k] * (np.arange(count) + 0.5) for k in (0, 1))
+    across = (x[:, None, None] - centres[:, 0]) ** 2 + (y[None, :, None] - centres[:, 1]) ** 2
+    top = centres[:, 2] + np.sqrt(np.maximum(STROKE[1] ** 2 - across, 0.0))
+    bottom = centres[:, 2] + np.sqrt(np.maximum(STROKE[0] ** 2 - across, 0.0))
+    reached = (across < STROKE[1] ** 2).all(axis=-1)
+    height = np.maximum(top.min(axis=-1) - np.maximum(bottom.max(axis=-1), centres[:, 2].max()), 0.0)
+    return float((height * reached).sum() * side.prod())
+
+
+def test_volume_is_within_its_stated_error(report_cad: stp.Hexapod) -> None:
+    bounds = stp.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.2).bounds
+    # Two resolutions of the exact columns agree to six digits.
+    exact = column_volume(report_cad, LEVEL, bounds, 600)
+    assert exact == pytest.approx(2.600231, abs=5e-6)
+    ratios = []
+    for spacing in (0.15, 0.12, 0.1, 0.09, 0.08, 0.07, 0.06):
+        samples = stp.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=spacing)
+        ratios.append((samples.volume - exact) / samples.volume_error)
+        assert samples.volume_bounds[0] <= exact <= samples.volume_bounds[1]
+    assert np.abs(ratios).max() < 3.0
+    # Neither too proud nor too humble.
+    assert 0.2 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+
+
+def test_tilted_platform_too(report_cad: stp.Hexapod) -> None:
+    rotation = rotation_from_rpy(0.1, -0.15, 0.3)
+    samples = stp.sample_workspace(report_cad, rotation, stroke=STROKE, spacing=0.07)
+    exact = column_volume(report_cad, rotation, samples.bounds, 400)
+    # Turned, the centres differ in height; the workspace ends far above them, where a column is one interval.
+    centres = report_cad.base_points - report_cad.platform_points @ rotation.T
+    assert samples.position[samples.inside][:, 2].min() > centres[:, 2].max() + 0.1
+    assert abs(samples.volume - exact) < 3 * samples.volume_error
+
+
+def test_every_point_is_judged_by_its_legs(report_cad: stp.Hexapod) -> None:
+    samples = stp.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.1)
+    lengths = stp.leg_lengths(report_cad, samples.position, LEVEL)
+    within = ((lengths >= STROKE[0]) & (lengths <= STROKE[1])).all(axis=-1)
+    np.testing.assert_array_equal(samples.inside, within)
+    limit = np.where(samples.limiting_end < 0, STROKE[0], STROKE[1])
+    own = np.take_along_axis(lengths, samples.limiting_leg[:, None], axis=1)[:, 0]
+    np.testing.assert_allclose(samples.clearance, samples.limiting_end * (limit - own), atol=1e-14)
+    others = np.minimum(lengths - STROKE[0], STROKE[1] - lengths).min(axis=-1)
+    np.testing.assert_array_equal(samples.clearance, others)
+    # All twelve patches of the boundary are met.
+    patches = np.c_[samples.limiting_leg, samples.limiting_end][samples.boundary]
+    assert len(np.unique(patches, axis=0)) == 12
+    # Stepping outwards along the limiting leg by a little more than the clearance leaves the workspace.
+    legs = (
+        samples.position[samples.boundary]
+        - (report_cad.base_points - report_cad.platform_points)[patches[:, 0]]
+    )
+    out = patches[:, 1:] * legs / np.linalg.norm(legs, axis=1, keepdims=True)
+    step = samples.clearance[samples.boundary, None] + 1e-9
+    beyond = stp.leg_lengths(report_cad, samples.position[samples.boundary] + step * out, LEVEL)
+    assert ((beyond < STROKE[0]) | (beyond > STROKE[1])).any(axis=-1).all()
+
+
+def test_no_point_is_missed(report_cad: stp.Hexapod, rng: np.random.Generator) -> None:
+    samples = stp.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.1)
+    # Random points of a wider box: those in the workspace lie in the bounds, in a cell that was kept.
+    points = rng.uniform([-3, -3, 0.1], [3, 3, 3], (20_000, 3))
+    lengths = stp.leg_lengths(report_cad, points, LEVEL)
+    reached = points[((lengths >= STROKE[0]) & (lengths <= STROKE[1])).all(axis=-1)]
+    assert len(reached) > 400
+    assert (reached >= samples.bounds[0]).all() and (reached <= samples.bounds[1]).all()
+    kept = {tuple(cell) for cell in samples.index}
+    start = samples.position[0] - (samples.index[0] + 0.5) * samples.spacing
+    assert {tuple(cell) for cell in np.floor((reached - start) / samples.spacing).astype(int)} <= kept
+
+
+def test_sheets_mirror_each_other(report_cad: stp.Hexapod) -> None:
+    upper, lower, both = (
+        stp.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.1, sheet=sheet)
+        for sheet in ("upper", "lower", "both")
+    )
+    # All centres at one height, 49.49 + 46.39 mm: the sheets are mirror images.
+    np.testing.assert_allclose(upper.bounds[:, 2] + lower.bounds[::-1, 2], 2 * 0.09588, atol=1e-12)
+    assert lower.volume == pytest.approx(upper.volume, abs=1e-12)
+    assert abs(both.volume - 2 * upper.volume) < 3 * both.volume_error
+    assert (upper.pieces, lower.pieces, both.pieces) == (1, 1, 2)
+    # A flat platform between them is singular: the determinant changes its sign.
+    assert both.crosses_singularity and not upper.crosses_singularity and not lower.crosses_singularity
+
+
+def test_condition_is_that_of_the_normalised_jacobian(report_cad: stp.Hexapod) -> None:
+    samples = stp.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.2, length=0.3)
+    for k in range(0, len(samples.position), 50):
+        jacobian = stp.leg_jacobian(report_cad, samples.position[k], LEVEL) / [1, 1, 1, 0.3, 0.3, 0.3]
+        assert samples.condition[k] == pytest.approx(np.linalg.cond(jacobian), rel=1e-10)
+        assert samples.determinant_sign[k] == np.sign(np.linalg.det(jacobian))
+        assert samples.dexterity[k] * samples.condition[k] == pytest.approx(1.0)
+    assert samples.length == 0.3
+
+
+def test_all_of_it_may_be_singular(report_ideal: stp.Hexapod) -> None:
+    # Turned by 90° about the vertical this platform is singular wherever it stands.
+    yaw = rotation_from_rpy(0, 0, np.pi / 2)
+    samples = stp.sample_workspace(report_ideal, yaw, stroke=(0.9, 1.3), spacing=0.05)
+    assert samples.inside.any() and samples.crosses_singularity
+    assert (samples.determinant_sign[samples.inside] == 0).all()
+    assert samples.dexterity[samples.inside].max() < 1e-12
+
+
+def test_legs_that_never_meet_leave_nothing(report_ideal: stp.Hexapod) -> None:
+    apart = stp.Hexapod(report_ideal.base_points * 20, report_ideal.platform_points)
+    samples = stp.sample_workspace(apart, LEVEL, stroke=(0.5, 1.0))
+    assert samples.volume == 0.0 and samples.volume_bounds == (0.0, 0.0) and not len(samples.position)
+    assert samples.pieces == 0 and not samples.crosses_singularity
+
+
+def test_leg_without_length_is_singular_not_an_error() -> None:
+    # Base and platform alike: at the origin all legs vanish, and a grid point lies there.
+    points = np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    same = stp.Hexapod(points, points)
+    # Five cells of half a metre: exact in binary.
+    samples = stp.sample_workspace(same, LEVEL, stroke=(0.0, 1.25), sheet="both", spacing=0.5)
+    (middle,) = np.flatnonzero(~samples.position.any(axis=1))
+    assert np.isinf(samples.condition[middle]) and samples.inside[middle]
+    # Parallel legs: a ball.
+    fine = stp.sample_workspace(same, LEVEL, stroke=(0.0, 1.25), sheet="both", spacing=0.07)
+    assert abs(fine.volume - 4 / 3 * np.pi * 1.25**3) < 3 * fine.volume_error
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"stroke": (1.0, 1.0)}, "least < greatest"),
+        ({"stroke": (-1.0, 1.0)}, "least < greatest"),
+        ({"stroke": (1.0, np.inf)}, "stroke must be finite"),
+        ({"stroke": 1.0}, "stroke must have shape"),
+        ({"stroke": STROKE, "sheet": "top"}, "sheet must be"),
+        ({"stroke": STROKE, "spacing": 0.0}, "spacing must be"),
+        ({"stroke": STROKE, "spacing": 1e-3}, "choose at least"),
+        ({"stroke": STROKE, "length": -1.0}, "length must be"),
+    ],
+)
+def test_bad_input_is_named(report_cad: stp.Hexapod, options, words) -> None:
+    with pytest.raises(InputError, match=words):
+        stp.sample_workspace(report_cad, LEVEL, **options)
+
+
+def test_bad_rotation_is_named(report_cad: stp.Hexapod) -> None:
+    with pytest.raises(InputError, match="rotation must have shape"):
+        stp.sample_workspace(report_cad, np.stack([LEVEL, LEVEL]), stroke=STROKE)
