@@ -2,3 +2,6 @@
 
 from stewart_pin.viz.constraint_picture import plot_constraint_matrix as plot_constraint_matrix
 from stewart_pin.viz.force_curves import plot_comparison as plot_comparison
+from stewart_pin.viz.polytope_picture import plot_polytopes as plot_polytopes
+from stewart_pin.viz.workspace_pictures import plot_workspace as plot_workspace
+from stewart_pin.viz.workspace_pictures import plot_workspace_slices as plot_workspace_slices
