@@ -74,6 +74,7 @@ from stewart_pin.mechanics.capability.polytope import Ball as Ball
 from stewart_pin.mechanics.capability.polytope import Polytope as Polytope
 from stewart_pin.mechanics.capability.polytope import inscribed_ball as inscribed_ball
 from stewart_pin.mechanics.capability.polytope import polytope_contains as polytope_contains
+from stewart_pin.mechanics.capability.polytope import polytope_limit as polytope_limit
 from stewart_pin.mechanics.capability.polytope import polytope_projection as polytope_projection
 from stewart_pin.mechanics.capability.polytope import polytope_reach as polytope_reach
 from stewart_pin.mechanics.capability.polytope import polytope_section as polytope_section

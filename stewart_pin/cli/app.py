@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import typer
 
+from stewart_pin.cli.capability import capability
 from stewart_pin.cli.compare import compare
 from stewart_pin.cli.inspect import inspect
 
@@ -17,3 +18,4 @@ app = typer.Typer(
 )
 app.command()(compare)
 app.command()(inspect)
+app.command()(capability)

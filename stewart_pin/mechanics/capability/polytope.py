@@ -112,15 +112,30 @@ def polytope_reach(polytope: Polytope, direction: ArrayLike) -> float:
     InputError
         If zero lies outside.
     """
-    direction = _direction(polytope, direction)
-    if polytope.offsets.min() < -_INSIDE * np.abs(polytope.offsets).max():
-        raise InputError(
-            "zero lies outside this polytope, so nothing can be reached from it: the motors cannot hold the robot "
-            f"({polytope.limits[int(polytope.offsets.argmin())] or 'several limits'})"
-        )
-    rate = polytope.normals @ direction
-    towards = rate > 1e-12 * float(np.linalg.norm(polytope.scale * direction))
-    return max(0.0, float((polytope.offsets[towards] / rate[towards]).min()))
+    return _first(polytope, direction)[0]
+
+
+def polytope_limit(polytope: Polytope, direction: ArrayLike) -> str:
+    """Name the limit that is met first along a direction, all other components being zero.
+
+    Parameters
+    ----------
+    polytope
+        Velocities or wrenches that contain zero.
+    direction
+        (d,) direction in the polytope's coordinates [dimensionless].
+
+    Returns
+    -------
+    str
+        The limit; empty where several motors share it.
+
+    Raises
+    ------
+    InputError
+        If zero lies outside.
+    """
+    return _first(polytope, direction)[1]
 
 
 def polytope_contains(polytope: Polytope, points: ArrayLike) -> np.ndarray:
@@ -212,6 +227,21 @@ def polytope_projection(polytope: Polytope, coordinates: Sequence[int] = (0, 1, 
     """
     chosen = _coordinates(polytope, coordinates)
     return _among(polytope, chosen, hull(polytope.vertices[:, chosen] * polytope.scale[chosen]))
+
+
+def _first(polytope: Polytope, direction: ArrayLike) -> tuple[float, str]:
+    """How far a ray from zero stays inside, and the limit that ends it."""
+    direction = _direction(polytope, direction)
+    if polytope.offsets.min() < -_INSIDE * np.abs(polytope.offsets).max():
+        raise InputError(
+            "zero lies outside this polytope, so nothing can be reached from it: the motors cannot hold the robot "
+            f"({polytope.limits[int(polytope.offsets.argmin())] or 'several limits'})"
+        )
+    rate = polytope.normals @ direction
+    towards = np.flatnonzero(rate > 1e-12 * float(np.linalg.norm(polytope.scale * direction)))
+    ends = polytope.offsets[towards] / rate[towards]
+    first = int(ends.argmin())
+    return max(0.0, float(ends[first])), polytope.limits[towards[first]]
 
 
 def _among(polytope: Polytope, chosen: list[int], shape: Shape) -> Polytope:

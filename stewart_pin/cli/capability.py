@@ -1,0 +1,161 @@
+"""``capability``: how fast a robot can move and how much it can carry at a pose, and which joint ends it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pinocchio as pin
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from stewart_pin.building.loading import load
+from stewart_pin.cli.output import console, parse_numbers, write_json
+from stewart_pin.errors import InputError
+from stewart_pin.geometry.rotations import rotation_from_rpy, rpy_from_rotation
+from stewart_pin.mechanics.capability.polytope import (
+    Polytope,
+    inscribed_ball,
+    polytope_limit,
+    polytope_reach,
+    polytope_section,
+    polytope_support,
+)
+from stewart_pin.mechanics.capability.velocity import velocity_polytope
+from stewart_pin.mechanics.capability.wrench import wrench_polytope
+from stewart_pin.mechanics.kinematics import inverse_kinematics, motor_positions, platform_pose
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.viz.figures import save_figure
+from stewart_pin.viz.polytope_picture import plot_polytopes
+
+
+def capability(
+    robot: Annotated[str, typer.Argument(help="Bundled robot or file.")],
+    pose: Annotated[
+        str | None, typer.Option(help="Platform x,y,z,roll,pitch,yaw [m, rad]; default: home.")
+    ] = None,
+    rate_limit: Annotated[
+        float | None, typer.Option(help="Largest motor rate [m/s or rad/s]; default: the file's.")
+    ] = None,
+    effort_limit: Annotated[
+        float | None, typer.Option(help="Largest motor effort [N or N m]; default: the file's.")
+    ] = None,
+    limits: Annotated[bool, typer.Option(help="Whether joints must stay in their ranges.")] = True,
+    json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture of the two sets.")] = None,
+) -> None:
+    """Show greatest velocities and wrenches of the platform at a pose."""
+    chain = load(robot)
+    q = _configuration(chain, pose, limits)
+    velocity = velocity_polytope(chain, q, rate_limit=rate_limit, limits=limits)
+    free = wrench_polytope(chain, q, effort_limit=effort_limit)
+    loaded = wrench_polytope(chain, q, effort_limit=effort_limit, gravity=True)
+    figures = {
+        "robot": chain.name,
+        "pose": _describe_pose(platform_pose(chain, q)),
+        "motor_positions": dict(zip(chain.motors, motor_positions(chain, q).tolist(), strict=True)),
+        "length": velocity.length,
+        "velocity": summarise(velocity),
+        "wrench": summarise(free),
+        "wrench_beyond_weight": summarise(loaded),
+    }
+    _print(figures)
+    if plot is not None:
+        if len(velocity.names) < 3:
+            raise InputError(
+                f"--plot needs a platform with three freedoms, this one has {len(velocity.names)}"
+            )
+        first = tuple(range(3))
+        shown = [polytope_section(velocity, first), polytope_section(free, first)]
+        titles = [f"{what}, other components zero" for what in ("velocities", "wrenches")]
+        save_figure(plot_polytopes(shown, titles=titles), plot)
+        console.print(f"sets drawn in {plot}", highlight=False, soft_wrap=True)
+    write_json(json, figures)
+
+
+def summarise(polytope: Polytope) -> dict[str, Any]:
+    """Condense a polytope to the figures that are printed.
+
+    Parameters
+    ----------
+    polytope
+        Velocities or wrenches.
+
+    Returns
+    -------
+    dict
+        JSON-ready: per coordinate the least and greatest value with all others zero and with all others free, and the
+        limits met; for the first three also without the rest (velocity without turning); the largest ball about rest.
+    """
+    ball = inscribed_ball(polytope)
+    holds = ball.radius >= 0.0
+    d = len(polytope.names)
+    section = polytope_section(polytope) if d > 3 and holds else None
+    rows: list[dict[str, Any]] = []
+    for k, (name, unit) in enumerate(zip(polytope.names, polytope.units, strict=True)):
+        row: dict[str, Any] = {"coordinate": name, "unit": unit}
+        axis = np.eye(d)[k]
+        row["free"] = [-polytope_support(polytope, -axis), polytope_support(polytope, axis)]
+        if section is not None and k < 3:
+            row["others_of_its_kind_free"] = [
+                -polytope_support(section, -axis[:3]), polytope_support(section, axis[:3]),
+            ]  # fmt: skip
+        if holds:
+            row["alone"] = [-polytope_reach(polytope, -axis), polytope_reach(polytope, axis)]
+            row["limits"] = [polytope_limit(polytope, -axis), polytope_limit(polytope, axis)]
+        rows.append(row)
+    return {
+        "coordinates": rows,
+        "corners": len(polytope.vertices),
+        "faces": len(polytope.offsets),
+        "ball": {"radius": ball.radius, "worst_direction": ball.direction.tolist(), "limit": ball.limit},
+    }
+
+
+def _configuration(chain: ClosedChain, pose: str | None, limits: bool) -> np.ndarray:
+    if pose is None:
+        return chain.q_home
+    x, y, z, roll, pitch, yaw = parse_numbers("--pose", pose, 6)
+    target = pin.SE3(rotation_from_rpy(roll, pitch, yaw), np.array([x, y, z]))
+    return inverse_kinematics(chain, target, limits=limits).q
+
+
+def _describe_pose(pose: pin.SE3) -> dict[str, float]:
+    values = [*pose.translation, *rpy_from_rotation(pose.rotation)]
+    return {k: float(v) for k, v in zip(("x", "y", "z", "roll", "pitch", "yaw"), values, strict=True)}
+
+
+def _print(figures: dict[str, Any]) -> None:
+    pose = ", ".join(f"{name} {round(value, 9) + 0.0:.6g}" for name, value in figures["pose"].items())
+    table = Table(title=f"{figures['robot']} at {pose} [m, rad]")
+    table.add_column("\ngreatest")
+    for heading in ("all others\nzero", "no turning,\nno moment", "all others\nfree"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("first at\nits limit")
+    for kind in ("velocity", "wrench", "wrench_beyond_weight"):
+        table.add_section()
+        table.add_row(f"[bold]{kind.split('_', 1)[-1].replace('_', ' ')}[/bold]")
+        for row in figures[kind]["coordinates"]:
+            joints = dict.fromkeys(x.split(" at ")[0] or "several" for x in row.get("limits", ()))
+            ranges = (_range(row.get(key)) for key in ("alone", "others_of_its_kind_free", "free"))
+            table.add_row(escape(f"{row['coordinate']} [{row['unit']}]"), *ranges, ", ".join(joints))
+        ball = figures[kind]["ball"]
+        if ball["radius"] >= 0:
+            radius = f"{ball['radius']:.5g} {'m/s' if kind == 'velocity' else 'N'}"
+            table.add_row("every way", radius, "", "", ball["limit"].split(" at ")[0])
+    size = f"{figures['length']:.4g} m"
+    table.caption = f"Every way: angular velocities times {size}, moments divided by {size}."
+    if figures["wrench_beyond_weight"]["ball"]["radius"] < 0:
+        table.caption += "\nThe motors cannot hold the robot's own weight here."
+    console.print(table)
+
+
+def _range(ends: list[float] | None) -> str:
+    if ends is None:
+        return ""
+    low, high = ends
+    if abs(low + high) <= 1e-6 * (high - low):
+        return f"± {high:.5g}"
+    return f"{low + 0.0:.5g} … {high:.5g}"
