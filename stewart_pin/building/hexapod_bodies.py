@@ -9,6 +9,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies, LowerJoint, RigidBody
 from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.tree import link_frame
 
 _SAME = 1e-9
 """Deviation between the link frames and the leg frames of the closed form that is round-off [m and 1]."""
@@ -43,7 +44,7 @@ def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
         joint = mechanism.joint(motor)
         leg = platform.act(head) - foot
         for link, origin in ((joint.parent, foot), (joint.child, platform.act(head))):
-            frame = data.oMf[model.getFrameId(link)]
+            frame = data.oMf[link_frame(model, link)]
             off = np.linalg.norm(frame.translation - origin) + np.linalg.norm(
                 frame.rotation[:, 2] - leg / np.linalg.norm(leg)
             )

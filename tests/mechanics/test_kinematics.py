@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import stewart_pin as stp
 from stewart_pin.errors import ClosureError, InputError, UnreachableError
-from stewart_pin.mechanics import kinematics
+from stewart_pin.mechanics import demands
 from tests.closed_states import along, close, derivative, random_configuration, random_motion, robot
 from tests.mechanisms import arm, four_bar
 
@@ -185,13 +185,13 @@ def test_far_poses_are_approached_in_stages(monkeypatch: pytest.MonkeyPatch) -> 
     home = stp.platform_pose(chain, chain.q_home)
     pose = pin.SE3(pin.exp3(np.array([0.2, -0.3, 0.4])) @ home.rotation, home.translation + [0.2, 0.1, 0.2])
     direct = stp.inverse_kinematics(chain, pose, limits=False)
-    solve, asked = kinematics.solve, []
+    solve, asked = demands.solve, []
 
     def impatient(chain, q_guess, system):
         asked.append(system)
         return solve(chain, q_guess, system, max_iterations=4)
 
-    monkeypatch.setattr(kinematics, "solve", impatient)
+    monkeypatch.setattr(demands, "solve", impatient)
     staged = stp.inverse_kinematics(chain, pose, limits=False)
     assert len(asked) > 1 and staged.success
     assert staged.iterations > direct.iterations
@@ -203,7 +203,7 @@ def test_jacobian_of_the_pose_equations(rng: np.random.Generator) -> None:
     chain = robot("stewart")
     home = stp.platform_pose(chain, chain.q_home)
     target = pin.SE3(pin.exp3(np.array([1.0, -0.8, 0.9])) @ home.rotation, home.translation)
-    system, data = kinematics._with_pose(chain, target), pin.Data(chain.model)
+    system, data = demands.pose_system(chain, target), pin.Data(chain.model)
 
     def evaluate(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         pin.computeJointJacobians(chain.model, data, q)
