@@ -7,6 +7,7 @@ import typer
 from stewart_pin.cli.capability import capability
 from stewart_pin.cli.compare import compare
 from stewart_pin.cli.inspect import inspect
+from stewart_pin.cli.modes import modes
 
 app = typer.Typer(
     name="stewart_pin",
@@ -19,3 +20,4 @@ app = typer.Typer(
 app.command()(compare)
 app.command()(inspect)
 app.command()(capability)
+app.command()(modes)

@@ -1,0 +1,52 @@
+"""``modes`` for platforms in space and in the plane."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.test_commands import run
+
+
+def test_spatial_modes(tmp_path: Path) -> None:
+    figures, plot = tmp_path / "modes.json", tmp_path / "modes.png"
+    answer = run("modes", "stewart_cad", "--json", str(figures), "--plot", str(plot))
+    assert answer.returncode == 0, answer.stderr
+    written = json.loads(figures.read_text())
+    assert written["complete"] and written["kind"] == "finite"
+    home = [
+        mode
+        for mode in written["modes"]
+        if max(abs(x - y) for x, y in zip(mode["position"], [0, 0, 2.4], strict=True)) < 1e-9
+    ]
+    assert len(home) == 1 and home[0]["certified"] and home[0]["in_stroke"]
+    assert {mode["side"] for mode in written["modes"]} <= {-1, 1}
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_planar_modes_of_the_source(tmp_path: Path) -> None:
+    # S1.4: four poses.
+    figures = tmp_path / "modes.json"
+    sides = f"3,{3 * 2**0.5},3,{3.141592653589793 / 4},5,0,6"
+    answer = run("modes", "--planar", sides, "--lengths", "5,5,3", "--json", str(figures))
+    assert answer.returncode == 0, answer.stderr
+    angles = [mode["angle"] for mode in json.loads(figures.read_text())["modes"]]
+    expected = [-0.720849204460390, -0.331005184283869, 1.143685517821374, 2.115909014086458]
+    assert angles == pytest.approx(expected, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--planar", "1,2,3"), "--planar needs --lengths"),
+        (("--planar", "1,2,3", "--lengths", "1"), "--planar must be one number or 7"),
+        (("--lengths", "1,2"), "--lengths must be one number or 6"),
+        (("arm_7r",), "leg"),
+    ],
+)
+def test_bad_modes_end_in_one_line(arguments, words) -> None:
+    answer = run("modes", *arguments)
+    assert answer.returncode == 2
+    assert words in answer.stderr and "Traceback" not in answer.stderr
