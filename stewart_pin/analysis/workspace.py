@@ -40,17 +40,17 @@ class WorkspaceSamples:
     position
         (N, 3) platform origins, in the base frame [m].
     inside
-        (N,) whether all legs are within their stroke.
+        (N,) mask: all legs are within their stroke.
     clearance
         (N,) least distance of a leg length from a limit, negative outside [m].
     limiting_leg
         (N,) index of the leg that has this clearance, from 0.
     limiting_end
-        (N,) -1 where its least length limits, +1 where its greatest does.
+        (N,) dimensionless: -1 where its least length limits, +1 where its greatest does.
     condition
-        (N,) condition number of the leg Jacobian, moments divided by `length`; infinite where it is singular.
+        (N,) dimensionless condition number of the leg Jacobian, moments divided by `length`; infinite where it is singular.
     determinant_sign
-        (N,) sign of its determinant; it changes where a singularity is crossed, and is 0 on one.
+        (N,) dimensionless sign of its determinant; it changes where a singularity is crossed, and is 0 on one.
     index
         (N, 3) cell of each point in the grid.
     shape
@@ -90,12 +90,12 @@ class WorkspaceSamples:
 
     @property
     def dexterity(self) -> FloatArray:
-        """(N,) inverse of the condition number: 1 at best, 0 at a singularity."""
+        """(N,) inverse of the condition number, dimensionless: 1 at best, 0 at a singularity."""
         return 1.0 / self.condition
 
     @property
     def boundary(self) -> np.ndarray:
-        """(N,) whether a point is inside and within one cell of the boundary."""
+        """(N,) mask: a point is inside and within one cell of the boundary."""
         return self.inside & (self.clearance < self.spacing)
 
     @property

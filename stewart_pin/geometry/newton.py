@@ -34,7 +34,7 @@ def valley_newton(
     equations
         Maps (n, k) unknowns to (n, m) residuals and (n, m, k) Jacobians, row by row.
     start
-        (n, k) first guesses, in units that make all unknowns of order one.
+        (n, k) first guesses, dimensionless: in units that make all unknowns of order one.
     max_iterations
         Steps taken per row, at most.
     largest_step
@@ -43,7 +43,7 @@ def valley_newton(
     Returns
     -------
     numpy.ndarray
-        (n, k) the unknowns of least residual, the start included.
+        (n, k) the unknowns of least residual, dimensionless, the start included.
     """
     x, best = np.array(start), np.array(start)
     residual, jacobian = equations(x)
@@ -72,14 +72,14 @@ def strong_newton(equations: Equations, start: FloatArray, *, max_iterations: in
     equations
         Maps (n, k) unknowns to (n, m) residuals and (n, m, k) Jacobians, row by row.
     start
-        (n, k) first guesses, in units that make all unknowns of order one.
+        (n, k) first guesses, dimensionless: in units that make all unknowns of order one.
     max_iterations
         Steps taken per row.
 
     Returns
     -------
     numpy.ndarray
-        (n, k) unknowns.
+        (n, k) unknowns, dimensionless.
     """
     x = np.array(start)
     for _ in range(max_iterations):

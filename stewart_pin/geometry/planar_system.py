@@ -16,7 +16,7 @@ def leg_system(b: ComplexArray, d: ComplexArray, p: FloatArray) -> Equations:
     b, d
         (n, m) complex anchors and corners of m legs.
     p
-        (n, m) their lengths.
+        (n, m) their lengths [m].
 
     Returns
     -------
@@ -46,7 +46,7 @@ def merging_system(b: ComplexArray, d: ComplexArray, p: FloatArray, leg: int) ->
     b, d
         (3,) complex anchors and corners.
     p
-        (3,) lengths; that of `leg` is not read.
+        (3,) lengths [m]; that of `leg` is not read.
     leg
         Index of the leg that changes.
 

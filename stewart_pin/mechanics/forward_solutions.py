@@ -34,11 +34,11 @@ class ForwardSolutions:
         Number of starts that led to each.
     starts
         Number of starts.
-    complete
-        Always False: many starts find solutions, they cannot prove that there are no others.
     missed_share
         Estimated probability that one more start would find a new one: solutions seen once, per start that
         converged (Good and Turing). A small number makes further solutions unlikely, not impossible.
+    complete
+        Always False: many starts find solutions, they cannot prove that there are no others.
     """
 
     closures: tuple[Closure, ...]

@@ -30,11 +30,11 @@ class Shape:
     Attributes
     ----------
     vertices
-        (n, d) corners [unit of the coordinates].
+        (n, d) corners [m/s, rad/s, N or N m].
     normals
         (m, d) outward unit normals, dimensionless.
     offsets
-        (m,) such that ``normals @ x <= offsets`` inside [unit of the coordinates].
+        (m,) such that ``normals @ x <= offsets`` inside [m/s, rad/s, N or N m].
     limits
         (m,) what each face stands for.
     """

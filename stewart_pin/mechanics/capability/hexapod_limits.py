@@ -78,7 +78,7 @@ def velocity_limits_of_jacobian(
     Returns
     -------
     numpy.ndarray
-        (n,) greatest value of each component [unit of the component].
+        (n,) greatest value of each component [m/s or rad/s].
 
     Raises
     ------
