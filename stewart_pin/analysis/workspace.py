@@ -40,17 +40,18 @@ class WorkspaceSamples:
     position
         (N, 3) platform origins, in the base frame [m].
     inside
-        (N,) mask: all legs are within their stroke.
+        (N,) of bool: whether all legs are within their stroke [dimensionless].
     clearance
         (N,) least distance of a leg length from a limit, negative outside [m].
     limiting_leg
         (N,) index of the leg that has this clearance, from 0.
     limiting_end
-        (N,) dimensionless: -1 where its least length limits, +1 where its greatest does.
+        (N,) -1 where its least length limits, +1 where its greatest does [dimensionless].
     condition
-        (N,) dimensionless condition number of the leg Jacobian, moments divided by `length`; infinite where it is singular.
+        (N,) condition number of the leg Jacobian, moments divided by `length`; infinite where it is singular
+        [dimensionless].
     determinant_sign
-        (N,) dimensionless sign of its determinant; it changes where a singularity is crossed, and is 0 on one.
+        (N,) sign of its determinant; it changes where a singularity is crossed, and is 0 on one [dimensionless].
     index
         (N, 3) cell of each point in the grid.
     shape
@@ -90,12 +91,12 @@ class WorkspaceSamples:
 
     @property
     def dexterity(self) -> FloatArray:
-        """(N,) inverse of the condition number, dimensionless: 1 at best, 0 at a singularity."""
+        """(N,) inverse of the condition number: 1 at best, 0 at a singularity [dimensionless]."""
         return 1.0 / self.condition
 
     @property
     def boundary(self) -> np.ndarray:
-        """(N,) mask: a point is inside and within one cell of the boundary."""
+        """(N,) of bool: whether a point is inside and within one cell of the boundary [dimensionless]."""
         return self.inside & (self.clearance < self.spacing)
 
     @property

@@ -9,6 +9,7 @@ from scipy.optimize import linprog
 import stewart_pin as stp
 from stewart_pin.errors import ConvergenceError, InputError, SingularityError
 from stewart_pin.geometry.rotations import rotation_from_rpy
+from stewart_pin.mechanics.capability import linear_program
 from stewart_pin.mechanics.capability.linear_program import greatest, interior_point, maximise
 
 LEVEL = np.eye(3)
@@ -72,6 +73,17 @@ def test_load_is_what_the_first_leg_to_give_in_allows(report_ideal: stp.Hexapod,
     assert load == pytest.approx(-best.fun, rel=1e-9)
 
 
+@pytest.fixture
+def proxqp_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forbid the second solver, which would hide that the first one fails."""
+
+    def unused(*_: np.ndarray) -> np.ndarray:
+        raise AssertionError("ProxQP was given up")
+
+    monkeypatch.setattr(linear_program, "greatest", unused)
+
+
+@pytest.mark.usefixtures("proxqp_alone")
 @pytest.mark.parametrize("others", ["free", "zero"])
 def test_speeds_equal_those_of_another_solver(report_ideal: stp.Hexapod, others: str, rng) -> None:
     for _ in range(30):
@@ -88,6 +100,7 @@ def test_speeds_equal_those_of_another_solver(report_ideal: stp.Hexapod, others:
             assert found[k] == pytest.approx(-best.fun, rel=1e-10)
 
 
+@pytest.mark.usefixtures("proxqp_alone")
 def test_linear_programmes_of_any_size(rng) -> None:
     for _ in range(200):
         n = int(rng.integers(1, 8))

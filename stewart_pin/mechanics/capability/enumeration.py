@@ -30,11 +30,11 @@ class Shape:
     Attributes
     ----------
     vertices
-        (n, d) corners [m/s, rad/s, N or N m].
+        (n, d) corners [any unit].
     normals
         (m, d) outward unit normals, dimensionless.
     offsets
-        (m,) such that ``normals @ x <= offsets`` inside [m/s, rad/s, N or N m].
+        (m,) such that ``normals @ x <= offsets`` inside [any unit].
     limits
         (m,) what each face stands for.
     """

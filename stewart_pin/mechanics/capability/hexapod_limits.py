@@ -78,7 +78,7 @@ def velocity_limits_of_jacobian(
     Returns
     -------
     numpy.ndarray
-        (n,) greatest value of each component [m/s or rad/s].
+        (n,) greatest value of each component [m/s, or the unit of the component].
 
     Raises
     ------

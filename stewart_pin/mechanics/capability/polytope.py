@@ -37,7 +37,8 @@ class Polytope:
     units
         (d,) unit of each coordinate.
     scale
-        (d,) that turns coordinates into one unit [m/s or N]: angular velocities times `length`, moments over it.
+        (d,) that turns coordinates into one unit, m/s or N: angular velocities times `length`, moments over it
+        [1, m or 1/m].
     basis
         (6, d) such that twist or wrench = basis @ x, in world axes [1, and per m for modes].
     length
@@ -64,7 +65,7 @@ class Ball:
     radius
         In normalised coordinates; negative when even zero lies outside, by at least that much [m/s or N].
     direction
-        (d,) worst direction, as a point on the ball, in the polytope's coordinates [m/s, rad/s, N or N m].
+        (d,) worst direction, as a point on the ball, in the polytope's coordinates [m/s, rad/s or N, N m].
     limit
         The limit that is met there.
     """
@@ -146,12 +147,12 @@ def polytope_contains(polytope: Polytope, points: ArrayLike) -> np.ndarray:
     polytope
         Velocities or wrenches.
     points
-        (..., d) in the polytope's coordinates [m/s, rad/s, N or N m].
+        (..., d) in the polytope's coordinates [m/s, rad/s or N, N m].
 
     Returns
     -------
     numpy.ndarray
-        (...) mask; points on the boundary count as inside, to round-off.
+        (...) of bool; points on the boundary count as inside, to round-off [dimensionless].
     """
     points = np.asarray(points, dtype=float)
     points = as_array("points", points, (*points.shape[:-1], len(polytope.names)))
