@@ -31,7 +31,7 @@ def check(name: str, count: int, seed: int, *, fixed: bool) -> Counter[str]:
         size = 1.0 + np.abs(position).max()
         jacobian = stp.leg_jacobian(hexapod, position, rotation)
         hit = distance_to(modes, position, rotation) < 1e-12 * size * max(1e3, np.linalg.cond(jacobian))
-        whole = hit and modes.n_complex == CLASSES[name][0] and bool(modes.certified.all())
+        whole = hit and modes.n_complex == CLASSES[name][0]
         outcomes["pose found"] += hit
         outcomes["count as known"] += modes.n_complex == CLASSES[name][0]
         outcomes["complete"] += modes.complete

@@ -172,6 +172,15 @@ def _to_chart(x):
 
 
 @_jit
+def _fits_chart(x):
+    """Tell whether no coordinate has outgrown the one that is kept at one."""
+    for c in range(8):  # noqa: SIM110 - numba compiles no generator expressions
+        if x[c].real ** 2 + x[c].imag ** 2 > 4.0:
+            return False
+    return True
+
+
+@_jit
 def _expand(m, s, q, m1, s1, q1, moving, k, order, x, r, lu, pivots, b):
     """Fill x[1:] and r[1:] with the Taylor coefficients in τ - τ_new."""
     for j in range(1, order + 1):
@@ -263,12 +272,13 @@ def _track_all(ms, ss, qs, mt, st, qt, moving, points, order, numbers, max_steps
         x[0] = points[path]
         k = _to_chart(x[0])
         tau, curvature, scale, cap, steps, refusals = 1.0, 2.0, 1.0, 1.0, 0, 0
-        last, growth, ratio = 0.0, 0.0, 0j
+        last, growth, ratio, factored = 0.0, 0.0, 0j, False
         while tau >= least_tau and refusals < MAX_REFUSALS and steps <= max_steps:
             if refusals == 0:
                 _place(mt, st, qt, m1, s1, q1, moving, tau, m, s, q)
                 _half_gradient(m, s, q, x[0], g, r[0])
-                if not _factor(g, k, lu, pivots):
+                # The factors of the last correction belong to a point next to this one: good to predict.
+                if not (factored or _factor(g, k, lu, pivots)):
                     break
                 _expand(m, s, q, m1, s1, q1, moving, k, order, x, r, lu, pivots, b)
                 last, before, ratio = _tail(x, order)
@@ -294,7 +304,9 @@ def _track_all(ms, ss, qs, mt, st, qt, moving, points, order, numbers, max_steps
             good = first < 5.0 * largest_error and second <= max(2.0 * contraction * first, ROUND_OFF)
             if good and observed * second * second < ROUND_OFF:
                 x[0], tau, cap, refusals = y, tau_new, 1.0, 0
-                k = _to_chart(x[0])
+                factored = _fits_chart(x[0])
+                if not factored:
+                    k = _to_chart(x[0])
             else:
                 cap, refusals = 0.4 * length, refusals + 1
         if tau == 0.0:

@@ -21,6 +21,8 @@ from stewart_pin.typing import FloatArray
 
 _SAME = 1e-13
 """Squared sine of the angle between two points of P⁷ that are one solution, found twice."""
+_BESIDE = 1e-4
+"""Squared sine of the angle within which a regular solution rules out a singular one."""
 _SMALL_NORM = 1e-6
 """Relative |⟨e, e⟩| below which a point may lie at infinity."""
 _RANK_LOSS = 1e-12
@@ -82,6 +84,8 @@ def classify(start: StudyPlatform, target: StudyPlatform, tracked: Tracked) -> E
             infinite[i] = not regular[i]
         elif stuck[i] and not infinite[i] and norm[i] > _SMALL_NORM:
             ends[i], singular[i] = _settle(target, x[i])
+    # Next to a regular solution there is no singular one: that path is lost in round-off.
+    singular &= ~beside(ends, x[regular])
     once = distinct(x[regular])
     failed = int((~(regular | infinite | singular)).sum() + regular.sum() - len(once))
     return Endpoints(x[regular][once], ends[singular], int(infinite.sum()), failed)
@@ -122,6 +126,25 @@ def distinct(points: NDArray[Any]) -> NDArray[np.intp]:
     unit = points / np.linalg.norm(points, axis=1, keepdims=True)
     equal = 1.0 - np.abs(unit.conj() @ unit.T) ** 2 < _SAME
     return np.flatnonzero(~np.tril(equal, -1).any(axis=1))
+
+
+def beside(points: ComplexArray, solutions: ComplexArray) -> NDArray[np.bool_]:
+    """Find the points that lie next to a regular solution, where no singular one can be.
+
+    Parameters
+    ----------
+    points
+        (n, 8) Study coordinates, dimensionless.
+    solutions
+        (m, 8) regular solutions, dimensionless.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n,) mask.
+    """
+    unit, others = (p / np.linalg.norm(p, axis=1, keepdims=True) for p in (points, solutions))
+    return (1.0 - np.abs(unit.conj() @ others.T) ** 2 < _BESIDE).any(axis=1)
 
 
 def _norm_is_settled(target: StudyPlatform, x: ComplexArray) -> bool:

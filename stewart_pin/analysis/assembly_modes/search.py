@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from stewart_pin.analysis.assembly_modes import homotopy
-from stewart_pin.analysis.assembly_modes.endpoints import classify, distinct
+from stewart_pin.analysis.assembly_modes.endpoints import beside, classify, distinct
 from stewart_pin.analysis.assembly_modes.homotopy import Tracked, TrackerSettings
 from stewart_pin.analysis.assembly_modes.start_systems import StartSystem
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform
@@ -123,4 +123,5 @@ def search(
         complete = len(regular) == len(start.points) or agrees
         if complete:
             break
+    singular = singular[~beside(singular, regular)]
     return Solutions(regular, singular, complete, expected, 0 if complete else failed, searches)
