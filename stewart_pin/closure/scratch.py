@@ -130,6 +130,8 @@ class LoopScratch:
         """
         pin.forwardKinematics(self._model, self.data, q, v, self._rest)
         moving = [self._relative_motion(k) for k in range(len(self._pairs))]
+        if self._points:
+            return np.concatenate([slide_rate for _, slide_rate, _, _ in moving])
         bias = np.empty(self._size)
         for row, loop, n in self._normals:
             bias[row] = n @ moving[loop][1]
@@ -153,8 +155,10 @@ class LoopScratch:
         theirs = apart.act(place2.actInv(self.data.v[joint2]))
         relative = theirs - mine
         # d/dt (X V2) = X A2 + relative × X V2, in frame 1.
-        rate = apart.act(place2.actInv(self.data.a[joint2])) + (relative ^ theirs) - place1.actInv(
-            self.data.a[joint1]
+        rate = (
+            apart.act(place2.actInv(self.data.a[joint2]))
+            + (relative ^ theirs)
+            - place1.actInv(self.data.a[joint1])
         )
         spin, spin_rate = pin.skew(relative.angular), pin.skew(rate.angular)
         slide = relative.linear + spin @ apart.translation
@@ -162,6 +166,6 @@ class LoopScratch:
 
 
 def _direction(reach: FloatArray) -> tuple[FloatArray, float]:
-    """Unit vector and length; along x where there is none."""
+    """Find unit vector and length; along x where there is none."""
     distance = float(np.linalg.norm(reach))
     return (reach / distance, distance) if distance > 0 else (np.array([1.0, 0.0, 0.0]), 0.0)

@@ -1,0 +1,155 @@
+"""SciPy's integrators in independent coordinates: every state they see has closed loops.
+
+About a base configuration, y are the coordinates of the motions N that keep the loops closed there, and u = Nᵀ v.
+Whatever y and u an integrator proposes, the loops are closed for it; when y has grown, the base moves.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy import integrate
+
+from stewart_pin.closure.equations import row_sizes
+from stewart_pin.closure.newton import TOLERANCE
+from stewart_pin.errors import ClosureError, InputError
+from stewart_pin.mechanics.freedom import null_space
+from stewart_pin.motion.simulation.lie import displacement_jacobian
+from stewart_pin.motion.simulation.plant import Plant
+from stewart_pin.motion.simulation.steppers import Phase, Rates
+from stewart_pin.typing import FloatArray
+
+METHODS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
+_REACH = 0.25
+"""Largest coordinate of a chart, in robot sizes and radians, before the base moves."""
+_MAX_STEPS = 30
+
+
+class _Chart:
+    """Coordinates (y, u) of closed configurations and velocities near a base, lengths in robot sizes."""
+
+    def __init__(self, plant: Plant, phase: Phase) -> None:
+        self._plant, self._base, self._guess = plant, phase.q, phase.q
+        self._scale = plant.chain.tangent_scale
+        self._sizes = row_sizes(plant.chain)
+        plant.loops.place(phase.q)
+        self._rows = plant.rows
+        jacobian = plant.loops.jacobian()[self._rows] * self._scale / self._sizes[self._rows, None]
+        self._motions = null_space(jacobian)[0].T  # Nᵀ
+        self.size = self._motions.shape[0]
+
+    def write(self, phase: Phase) -> FloatArray:
+        """Coordinates of the base itself, where y is zero."""
+        return np.concatenate([np.zeros(self.size), self._motions @ (phase.v / self._scale), phase.x])
+
+    def rate(self, phase: Phase, a: FloatArray, x_rate: FloatArray) -> FloatArray:
+        """Rate of the coordinates under an acceleration."""
+        bent = displacement_jacobian(self._plant.model, self._base, phase.q)
+        y_rate = self._motions @ ((bent @ phase.v) / self._scale)
+        return np.concatenate([y_rate, self._motions @ (a / self._scale), x_rate])
+
+    def read(self, coordinates: FloatArray) -> Phase:
+        """Close the loops for given coordinates, from the configuration read last."""
+        plant, n = self._plant, self.size
+        y, u = coordinates[:n], coordinates[n : 2 * n]
+        q, left = self._guess, np.zeros(0)
+        for _ in range(_MAX_STEPS):
+            gap = plant.loops.place(q)
+            moved = pin.difference(plant.model, self._base, q) / self._scale
+            left = np.concatenate([(gap / self._sizes)[self._rows], self._motions @ moved - y])
+            bent = displacement_jacobian(plant.model, self._base, q)
+            jacobian = plant.loops.jacobian()[self._rows] * self._scale / self._sizes[self._rows, None]
+            matrix = np.vstack([jacobian, (self._motions / self._scale) @ bent * self._scale])
+            if np.abs(left).max(initial=0.0) <= TOLERANCE:
+                along = np.vstack([jacobian, self._motions])
+                rest = np.zeros(jacobian.shape[0])
+                v = np.linalg.solve(along, np.concatenate([rest, u])) * self._scale
+                self._guess = q
+                return Phase(q, v, coordinates[2 * n :], float(np.abs(gap).max(initial=0.0)))
+            q = pin.integrate(plant.model, q, -np.linalg.solve(matrix, left) * self._scale)
+        raise ClosureError(
+            f"the loops do not close in the chart: {np.abs(left).max():.3g} left",
+            residual=float(np.abs(left).max()),
+            iterations=_MAX_STEPS,
+            q=q,
+        )
+
+
+class ChartStepper:
+    """Adaptive steps by one of SciPy's methods.
+
+    Parameters
+    ----------
+    plant
+        Chain.
+    rates
+        Right-hand side.
+    method
+        One of `METHODS`.
+    rtol, atol
+        Error per step, relative and absolute, lengths in robot sizes.
+    """
+
+    def __init__(self, plant: Plant, rates: Rates, method: str, rtol: float, atol: float) -> None:
+        if method not in METHODS:
+            raise InputError(f"method must be 'fixed' or one of {', '.join(METHODS)}, got {method!r}")
+        self._plant, self._rates = plant, rates
+        self._method = getattr(integrate, method)
+        self._tolerances = {"rtol": rtol, "atol": atol}
+        self._first_step: float | None = None
+
+    def restart(self) -> None:
+        """Forget the past: nothing is kept but the size of the steps, which errors check."""
+
+    def advance(self, t: float, phase: Phase, h: float) -> Phase:
+        """Integrate over an interval.
+
+        Parameters
+        ----------
+        t
+            Time at its start [s].
+        phase
+            State there.
+        h
+            Its length [s].
+
+        Returns
+        -------
+        Phase
+            State at its end, loops closed.
+
+        Raises
+        ------
+        ClosureError
+            If the loops cannot be closed, or the integrator's step vanishes.
+        """
+        end = t + h
+        # The right-hand side may jump at the end of an interval, so the past is kept only within it.
+        while t < end:
+            chart, solver = self._start(t, phase, end)
+            longest, message = 0.0, None
+            while solver.status == "running" and np.abs(solver.y[: chart.size]).max(initial=0.0) < _REACH:
+                message = solver.step()
+                longest = max(longest, solver.step_size or 0.0)
+            if solver.status == "failed":
+                raise ClosureError(
+                    f"{self._method.__name__} stops: {message}", residual=np.inf, iterations=0, q=phase.q
+                )
+            t, phase = solver.t, chart.read(solver.y)
+            self._first_step = longest or None
+        return phase
+
+    def _start(self, t: float, phase: Phase, end: float) -> tuple[_Chart, Any]:
+        plant = self._plant
+        plant.loops.place(phase.q)
+        plant.select_rows(phase.q)
+        chart = _Chart(plant, phase)
+
+        def rate(time: float, coordinates: FloatArray) -> FloatArray:
+            here = chart.read(coordinates)
+            return chart.rate(here, *self._rates(time, here.q, here.v, here.x))
+
+        first = None if self._first_step is None else min(self._first_step, end - t)
+        return chart, self._method(rate, t, chart.write(phase), end, first_step=first, **self._tolerances)

@@ -1,0 +1,258 @@
+"""Controllers as a simulation calls them: plain functions, controllers with a state of their own, sampled ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from stewart_pin.errors import InputError, StewartPinError
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.typing import Configuration, FloatArray, Tangent
+
+Controller = Callable[[float, Configuration, Tangent], FloatArray]
+"""(t, q, v) to the motor efforts (nu,) asked for [N or N m]."""
+
+
+class ControllerFailure(StewartPinError):
+    """A controller gave no efforts."""
+
+
+@runtime_checkable
+class DynamicController(Protocol):
+    """A controller with a state of its own, such as an integral, which the simulation integrates.
+
+    Attributes
+    ----------
+    state_size
+        Number of its states.
+    """
+
+    @property
+    def state_size(self) -> int: ...  # noqa: D102 - an attribute, see above
+
+    def effort(self, t: float, q: Configuration, v: Tangent, state: FloatArray) -> FloatArray:
+        """Ask for motor efforts.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+        state
+            (state_size,) of the controller.
+
+        Returns
+        -------
+        numpy.ndarray
+            (nu,) [N or N m].
+        """
+        ...
+
+    def state_rate(self, t: float, q: Configuration, v: Tangent, state: FloatArray) -> FloatArray:
+        """Give the rate of the controller's state.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+        state
+            (state_size,) of the controller.
+
+        Returns
+        -------
+        numpy.ndarray
+            (state_size,) [1/s].
+        """
+        ...
+
+
+@runtime_checkable
+class Sampled(Protocol):
+    """A controller that acts at instants and holds in between.
+
+    Attributes
+    ----------
+    rate
+        Instants per second [1/s].
+    controller
+        What acts there.
+    """
+
+    @property
+    def rate(self) -> float: ...  # noqa: D102 - an attribute, see above
+    @property
+    def controller(self) -> Controller | DynamicController: ...  # noqa: D102 - an attribute, see above
+
+    def measure(self, q: Configuration, v: Tangent) -> tuple[Configuration, Tangent]:
+        """See a state through the sensors.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+
+        Returns
+        -------
+        q : numpy.ndarray
+            (nq,) as measured [m, rad, unit quaternions].
+        v : numpy.ndarray
+            (nv,) as measured [m/s, rad/s].
+        """
+        ...
+
+
+class Drive:
+    """One controller during one run.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    controller
+        Controller, or None for motors without effort.
+    dt
+        Step of the simulation [s].
+    """
+
+    def __init__(
+        self, chain: ClosedChain, controller: Controller | DynamicController | Sampled | None, dt: float
+    ) -> None:
+        self._chain = chain
+        self._sampled = controller if isinstance(controller, Sampled) else None
+        self._inner = self._sampled.controller if self._sampled is not None else controller
+        self._dynamic = self._inner if isinstance(self._inner, DynamicController) else None
+        self.every = 0 if self._sampled is None else _multiple(1.0 / self._sampled.rate, dt)
+        self._period = self.every * dt
+        self._held = np.zeros(chain.nu)
+
+    @property
+    def state_size(self) -> int:
+        """Number of states of the controller."""
+        return 0 if self._dynamic is None else self._dynamic.state_size
+
+    @property
+    def held(self) -> FloatArray:
+        """(nu,) efforts held since the last sample [N or N m]."""
+        return self._held
+
+    def hold(self, efforts: FloatArray) -> None:
+        """Go on from efforts sampled earlier.
+
+        Parameters
+        ----------
+        efforts
+            (nu,) [N or N m].
+        """
+        self._held = efforts
+
+    def sample(self, t: float, q: Configuration, v: Tangent, state: FloatArray) -> FloatArray:
+        """Act once, if the controller is a sampled one.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+        state
+            (state_size,) of the controller.
+
+        Returns
+        -------
+        numpy.ndarray
+            (state_size,) after the sample.
+        """
+        assert self._sampled is not None
+        try:
+            q, v = self._sampled.measure(q, v)
+        except StewartPinError as error:
+            raise ControllerFailure(f"the sensors failed at {t:g} s: {error}") from error
+        self._held = self._ask(t, q, v, state)
+        if self._dynamic is not None:
+            state = state + self._period * self._dynamic.state_rate(t, q, v, state)
+        return state
+
+    def effort(self, t: float, q: Configuration, v: Tangent, state: FloatArray) -> FloatArray:
+        """Return the efforts that the controller asks for now.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+        state
+            (state_size,) of the controller.
+
+        Returns
+        -------
+        numpy.ndarray
+            (nu,) [N or N m].
+        """
+        return self._held if self._sampled is not None else self._ask(t, q, v, state)
+
+    def state_rate(self, t: float, q: Configuration, v: Tangent, state: FloatArray) -> FloatArray:
+        """Return the rate of the controller's state; zero between samples.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+        state
+            (state_size,) of the controller.
+
+        Returns
+        -------
+        numpy.ndarray
+            (state_size,) [1/s].
+        """
+        if self._dynamic is None or self._sampled is not None:
+            return np.zeros(state.size)
+        return self._dynamic.state_rate(t, q, v, state)
+
+    def _ask(self, t: float, q: Configuration, v: Tangent, state: FloatArray) -> FloatArray:
+        if self._inner is None:
+            return self._held
+        try:
+            answer = (
+                self._inner(t, q, v) if self._dynamic is None else self._dynamic.effort(t, q, v, state)  # type: ignore[operator]
+            )
+        except StewartPinError as error:
+            raise ControllerFailure(f"the controller failed at {t:g} s: {error}") from error
+        efforts = np.asarray(answer, dtype=float)
+        if efforts.shape != (self._chain.nu,):
+            raise ControllerFailure(
+                f"the controller must return {self._chain.nu} motor efforts, got shape {efforts.shape} at {t:g} s"
+            )
+        if not np.isfinite(efforts).all():
+            raise ControllerFailure(f"the controller returned {efforts} at {t:g} s: efforts must be finite")
+        return efforts
+
+
+def _multiple(period: float, dt: float) -> int:
+    count = round(period / dt)
+    if count < 1 or abs(count * dt - period) > 1e-6 * period:
+        raise InputError(
+            f"the controller's period {period:g} s must be a multiple of dt = {dt:g} s; "
+            f"choose dt = {period / max(1, round(period / dt)):g} s"
+        )
+    return count

@@ -1,0 +1,170 @@
+"""What stands between a controller and the chain: limits, friction, end stops and the inertia of the motors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from stewart_pin.errors import InputError
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.typing import ArrayLike, FloatArray
+
+_RAMP = 0.05
+"""Last part of the rate limit, over which a motor's effort fades out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motors:
+    """Properties of all motors. Each is one number for all, or one per motor; the unit N stands for N m as well.
+
+    Attributes
+    ----------
+    inertia
+        Inertia of rotor and screw, reflected to the motor coordinate: added to the mass matrix [kg or kg m²].
+    viscous
+        Viscous friction [N s/m or N m s/rad].
+    coulomb
+        Dry friction [N]. It is regularised: ``coulomb · tanh(rate / coulomb_rate)``, so at rest it creeps, and
+        an explicit step must stay below about 2.7 effective mass · coulomb_rate / coulomb.
+    coulomb_rate
+        Rate at which dry friction reaches three quarters of its value [m/s or rad/s].
+    effort_limit
+        Largest effort [N]; default: the file's.
+    rate_limit
+        Rate at which a motor no longer pushes in the direction of its motion; its effort fades out over the last 5 %
+        [m/s or rad/s]. Default: none.
+    stop_stiffness, stop_damping
+        End stops at the file's position limits: a one-sided spring and damper, which never pulls [N/m, N s/m]. Default:
+        no stops.
+    """
+
+    inertia: ArrayLike = 0.0
+    viscous: ArrayLike = 0.0
+    coulomb: ArrayLike = 0.0
+    coulomb_rate: ArrayLike = 0.01
+    effort_limit: ArrayLike | None = None
+    rate_limit: ArrayLike | None = None
+    stop_stiffness: ArrayLike = 0.0
+    stop_damping: ArrayLike = 0.0
+
+
+class MotorBank:
+    """The motors of one chain, their numbers checked and spread over the motors.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    motors
+        Their properties.
+    """
+
+    def __init__(self, chain: ClosedChain, motors: Motors) -> None:
+        index_q, index_v = chain.motor_q_index, chain.motor_index
+        values = {field.name: getattr(motors, field.name) for field in fields(motors)}
+        if values["effort_limit"] is None:
+            values["effort_limit"] = chain.model.effortLimit[index_v]
+        if values["rate_limit"] is None:
+            values["rate_limit"] = np.inf
+        self._spread = {name: _per_motor(name, value, chain.nu) for name, value in values.items()}
+        if not (self._spread["coulomb_rate"] > 0).all():
+            raise InputError("coulomb_rate must be above zero: dry friction is regularised")
+        self.inertia = self._spread["inertia"]
+        self.effort_limit = self._spread["effort_limit"]
+        self.lower = np.array(chain.model.lowerPositionLimit[index_q])
+        self.upper = np.array(chain.model.upperPositionLimit[index_q])
+        self.rate_limit = np.array(chain.model.velocityLimit[index_v])
+        if motors.rate_limit is not None:
+            self.rate_limit = self._spread["rate_limit"]
+        self._fades = motors.rate_limit is not None
+        self._rubs = bool(self._spread["viscous"].any() or self._spread["coulomb"].any())
+        self._stops = bool(self._spread["stop_stiffness"].any() or self._spread["stop_damping"].any())
+
+    def delivered(self, command: FloatArray, rate: FloatArray) -> FloatArray:
+        """Limit what a controller asks for.
+
+        Parameters
+        ----------
+        command
+            (nu,) efforts asked for [N or N m].
+        rate
+            (nu,) motor rates [m/s or rad/s].
+
+        Returns
+        -------
+        numpy.ndarray
+            (nu,) efforts that the drives give [N or N m].
+        """
+        effort = np.minimum(np.maximum(command, -self.effort_limit), self.effort_limit)
+        if not self._fades:
+            return effort
+        fade = np.clip((1.0 - np.abs(rate) / self.rate_limit) / _RAMP, 0.0, 1.0)
+        return np.where(effort * rate > 0, effort * fade, effort)
+
+    def losses(self, position: FloatArray, rate: FloatArray) -> tuple[FloatArray | float, float]:
+        """Compute what friction and end stops do.
+
+        Parameters
+        ----------
+        position
+            (nu,) motor positions [m or rad].
+        rate
+            (nu,) motor rates [m/s or rad/s].
+
+        Returns
+        -------
+        effort : numpy.ndarray
+            (nu,) effort on the motor coordinates [N or N m].
+        power : float
+            What is turned into heat; the springs of the stops give back what they take [W].
+        """
+        effort: FloatArray | float = 0.0
+        power = 0.0
+        if self._rubs:
+            p = self._spread
+            friction = p["viscous"] * rate + p["coulomb"] * np.tanh(rate / p["coulomb_rate"])
+            effort, power = -friction, float(friction @ rate)
+        if self._stops:
+            push, spring = self._stop_effort(position, rate)
+            effort = effort + push
+            power += float((spring - push) @ rate)
+        return effort, power
+
+    def stored(self, position: FloatArray) -> float:
+        """Compute the energy in the springs of the end stops.
+
+        Parameters
+        ----------
+        position
+            (nu,) motor positions [m or rad].
+
+        Returns
+        -------
+        float
+            [J].
+        """
+        if not self._stops:
+            return 0.0
+        return float(self._spread["stop_stiffness"] @ self._beyond(position) ** 2) / 2
+
+    def _beyond(self, position: FloatArray) -> FloatArray:
+        """Distance past the upper stop, or minus that past the lower one."""
+        return np.maximum(position - self.upper, 0.0) + np.minimum(position - self.lower, 0.0)
+
+    def _stop_effort(self, position: FloatArray, rate: FloatArray) -> tuple[FloatArray, FloatArray]:
+        beyond = self._beyond(position)
+        spring = -self._spread["stop_stiffness"] * beyond
+        push = np.where(beyond != 0, spring - self._spread["stop_damping"] * rate, 0.0)
+        # A stop pushes back or lets go; it never pulls.
+        return np.where(push * beyond < 0, push, 0.0), spring
+
+
+def _per_motor(name: str, value: ArrayLike, count: int) -> FloatArray:
+    try:
+        spread = np.array(np.broadcast_to(np.asarray(value, dtype=float), (count,)))
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be a number or have shape ({count},), got {value!r}") from None
+    if not (spread >= 0).all():
+        raise InputError(f"{name} must be 0 or more, got {value!r}")
+    return spread

@@ -1,0 +1,248 @@
+"""What a simulation leaves behind, in memory that is fixed before it starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.errors import ConvergenceError
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.motion.simulation.events import Event
+from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.typing import Configuration, FloatArray, Tangent
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationState:
+    """All that a simulation needs to go on as if it had never stopped.
+
+    Attributes
+    ----------
+    origin
+        Time at which steps were counted from [s].
+    steps
+        Steps since then.
+    dt
+        Their length [s].
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity [m/s, rad/s].
+    controller
+        State of the controller.
+    held
+        (nu,) efforts that a sampled controller holds [N or N m].
+    sampled
+        Step at which a sampled controller acted last, or -1.
+    supplied, dissipated
+        Work of the motors, and heat, since the first start [J].
+    """
+
+    origin: float
+    steps: int
+    dt: float
+    q: Configuration
+    v: Tangent
+    controller: FloatArray
+    held: FloatArray
+    sampled: int = -1
+    supplied: float = 0.0
+    dissipated: float = 0.0
+
+    @property
+    def time(self) -> float:
+        """Instant of the state [s]."""
+        return self.origin + self.steps * self.dt
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A simulated motion.
+
+    Attributes
+    ----------
+    time
+        (N,) recorded instants [s].
+    q
+        (N, nq) configurations [m, rad, unit quaternions].
+    v
+        (N, nv) tangent velocities [m/s, rad/s].
+    tau_motor
+        (N, nu) efforts that the drives gave, limits included, friction not [N or N m].
+    platform
+        Measured motion of the platform frame at these instants, in the world.
+    energy
+        (N,) kinetic and potential energy, motor inertia and springs of end stops included [J].
+    supplied
+        (N,) work of the drives since the start [J].
+    dissipated
+        (N,) heat in friction and end stops since the start [J].
+    gap
+        (N,) largest entry of the loop gap [m].
+    largest_gap
+        The same over all steps, recorded or not [m].
+    events
+        What happened, in order; at most a thousand.
+    events_dropped
+        How many more there were.
+    final_state
+        Where to go on: pass it to `resume`.
+    success
+        Whether the run reached its end.
+    reason
+        Why it ended.
+    """
+
+    time: FloatArray
+    q: FloatArray
+    v: FloatArray
+    tau_motor: FloatArray
+    platform: PlatformSamples
+    energy: FloatArray
+    supplied: FloatArray
+    dissipated: FloatArray
+    gap: FloatArray
+    largest_gap: float
+    events: tuple[Event, ...]
+    events_dropped: int
+    final_state: SimulationState
+    success: bool
+    reason: str
+
+    def __len__(self) -> int:
+        return self.time.size
+
+    def or_raise(self) -> Simulation:
+        """Return the simulation, or raise what kept it from its end.
+
+        Returns
+        -------
+        Simulation
+            This record.
+
+        Raises
+        ------
+        ConvergenceError
+            If it is no success.
+        """
+        if self.success:
+            return self
+        raise ConvergenceError(f"the simulation ended early: {self.reason}", residual=self.largest_gap)
+
+
+class Recorder:
+    """Arrays of a run, filled in order.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    size
+        Number of instants that will be recorded at most.
+    """
+
+    def __init__(self, chain: ClosedChain, size: int) -> None:
+        self._chain, self._data = chain, pin.Data(chain.model)
+        self._count = 0
+        self._time = np.empty(size)
+        self._q, self._v = np.empty((size, chain.nq)), np.empty((size, chain.nv))
+        self._tau = np.empty((size, chain.nu))
+        self._position, self._rotation = np.empty((size, 3)), np.empty((size, 3, 3))
+        self._twist, self._acceleration = np.empty((size, 6)), np.empty((size, 6))
+        self._numbers = np.empty((size, 4))
+
+    def add(
+        self,
+        t: float,
+        q: Configuration,
+        v: Tangent,
+        a: Tangent,
+        tau_motor: FloatArray,
+        numbers: tuple[float, float, float, float],
+    ) -> None:
+        """Record one instant.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+        a
+            (nv,) tangent acceleration [m/s², rad/s²].
+        tau_motor
+            (nu,) efforts given [N or N m].
+        numbers
+            Energy, supplied work, heat [J], and gap [m].
+        """
+        k, data, platform = self._count, self._data, self._chain.platform_id
+        pin.forwardKinematics(self._chain.model, data, q, v, a)
+        pose = pin.updateFramePlacement(self._chain.model, data, platform)
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        self._time[k], self._q[k], self._v[k], self._tau[k] = t, q, v, tau_motor
+        self._position[k], self._rotation[k] = pose.translation, pose.rotation
+        self._twist[k] = pin.getFrameVelocity(self._chain.model, data, platform, axes).vector
+        self._acceleration[k] = pin.getFrameClassicalAcceleration(
+            self._chain.model, data, platform, axes
+        ).vector
+        self._numbers[k] = numbers
+        self._count += 1
+
+    def finish(
+        self,
+        *,
+        largest_gap: float,
+        events: list[Event],
+        dropped: int,
+        final_state: SimulationState,
+        success: bool,
+        reason: str,
+    ) -> Simulation:
+        """Hand over what was recorded.
+
+        Parameters
+        ----------
+        largest_gap
+            Over all steps [m].
+        events
+            What happened.
+        dropped
+            How many more events there were.
+        final_state
+            Where to go on.
+        success
+            Whether the run reached its end.
+        reason
+            Why it ended.
+
+        Returns
+        -------
+        Simulation
+            The record.
+        """
+        n = slice(0, self._count)
+        samples = PlatformSamples(
+            self._time[n], self._position[n], self._rotation[n], self._twist[n], self._acceleration[n]
+        )
+        energy, supplied, dissipated, gap = self._numbers[n].T
+        return Simulation(
+            time=self._time[n],
+            q=self._q[n],
+            v=self._v[n],
+            tau_motor=self._tau[n],
+            platform=samples,
+            energy=energy,
+            supplied=supplied,
+            dissipated=dissipated,
+            gap=gap,
+            largest_gap=largest_gap,
+            events=tuple(events),
+            events_dropped=dropped,
+            final_state=final_state,
+            success=success,
+            reason=reason,
+        )
