@@ -1,0 +1,389 @@
+"""Controllers: frozen descriptions that are called with (t, q, v) and answer with motor efforts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.building.hexapod_bodies import hexapod_bodies
+from stewart_pin.checks import as_positive
+from stewart_pin.errors import InputError, UnsupportedError
+from stewart_pin.geometry.hexapod import Hexapod, leg_jacobian, leg_lengths, point_mass_forces
+from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
+from stewart_pin.geometry.leg_motion import leg_rates
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
+from stewart_pin.mechanics.kinematics import forward_kinematics, platform_motion
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.motion.chain_scratch import ChainScratch
+from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
+
+Reference = Callable[[FloatArray], PlatformSamples]
+"""A motion: instants (N,) to `PlatformSamples`, such as a ``functools.partial`` of `sinusoidal_motion`."""
+
+MODELS = ("full", "point_mass")
+"""What a controller may believe about the machine."""
+
+
+@dataclass(frozen=True, eq=False)
+class GravityCompensation:
+    """Motors that carry the weight, whatever the configuration: ``tau = inverse_dynamics(q, 0, 0)``.
+
+    Attributes
+    ----------
+    chain
+        Closed chain.
+    """
+
+    chain: ClosedChain
+
+    def __call__(self, t: float, q: Configuration, v: Tangent) -> FloatArray:
+        """Return the efforts (nu,) that hold the chain at rest [N or N m]."""
+        rest = np.zeros(self.chain.nv)
+        self._scratch.place(q)
+        return self._scratch.efforts(q, rest, rest)
+
+    @cached_property
+    def _scratch(self) -> ChainScratch:
+        return ChainScratch(self.chain)
+
+
+@dataclass(frozen=True, eq=False)
+class Feedforward:
+    """Efforts that the reference motion itself needs, without a look at the machine.
+
+    Attributes
+    ----------
+    chain
+        Closed chain.
+    reference
+        Motion of the platform.
+    model
+        ``"full"``: inverse dynamics of all bodies. ``"point_mass"``: legs massless, platform a point (hexapods).
+    """
+
+    chain: ClosedChain
+    reference: Reference
+    model: str = "full"
+
+    def __post_init__(self) -> None:
+        _require_model(self.model)
+        if self.model == "point_mass":
+            Hexapod.from_chain(self.chain)  # refuses other machines here, not in the midst of a run
+
+    def __call__(self, t: float, q: Configuration, v: Tangent) -> FloatArray:
+        """Return the efforts (nu,) of the reference at time t [N or N m]."""
+        want = self.reference(np.array([t]))
+        chain = self.chain
+        if self.model == "point_mass":
+            return _point_mass(chain, self._hexapod, want.pose(0), want.acceleration[0, :3])
+        if self._bodies is not None:
+            answer = hexapod_inverse_dynamics(
+                self._hexapod,
+                self._bodies,
+                want.position,
+                want.rotation,
+                want.twist,
+                want.acceleration,
+                gravity=chain.gravity,
+            )
+            return answer.actuator[0]
+        state = platform_motion(
+            chain, want.pose(0), want.twist[0], want.acceleration[0], q_guess=q, limits=False
+        )
+        return inverse_dynamics(chain, state.q, state.v, state.a).tau_motor
+
+    @cached_property
+    def _hexapod(self) -> Any:
+        return Hexapod.from_chain(self.chain)
+
+    @cached_property
+    def _bodies(self) -> Any:
+        try:
+            Hexapod.from_chain(self.chain)
+            return hexapod_bodies(self.chain)
+        except UnsupportedError:
+            return None
+
+
+@dataclass(frozen=True, eq=False)
+class LegPID:
+    """One PID controller per motor, on motor positions.
+
+    ``tau = kp e + ki ∫e dt + kd de/dt + feedforward``, e the reference's motor positions less the measured ones.
+
+    Attributes
+    ----------
+    chain
+        Closed chain.
+    reference
+        Motion of the platform; motor positions follow by inverse kinematics.
+    kp, ki, kd
+        Gains, one number or (nu,) [N/m, N/(m s), N s/m; N m per rad for rotary motors].
+    integral_limit
+        Largest effort of the integral part: it stops growing there [N or N m].
+    feedforward
+        Controller whose efforts are added, such as `Feedforward` or `GravityCompensation`.
+    """
+
+    chain: ClosedChain
+    reference: Reference
+    kp: ArrayLike = 2e5
+    ki: ArrayLike = 0.0
+    kd: ArrayLike = 2e3
+    integral_limit: ArrayLike = np.inf
+    feedforward: Callable[[float, Configuration, Tangent], FloatArray] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("kp", "ki", "kd", "integral_limit"):
+            _per_motor(name, getattr(self, name), self.chain.nu)
+
+    @property
+    def state_size(self) -> int:
+        """The integrals of the position errors; without integral gain, none."""
+        return self.chain.nu if np.any(np.asarray(self.ki)) else 0
+
+    def __call__(self, t: float, q: Configuration, v: Tangent) -> FloatArray:
+        """Return the efforts (nu,) with an empty integral [N or N m]."""
+        return self.effort(t, q, v, np.zeros(self.state_size))
+
+    def effort(self, t: float, q: Configuration, v: Tangent, state: FloatArray) -> FloatArray:
+        """Compute the motor efforts.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+        state
+            (state_size,) integrals of the position errors [m s or rad s].
+
+        Returns
+        -------
+        numpy.ndarray
+            (nu,) [N or N m].
+        """
+        position, rate = self._motors.at(t, q)
+        effort = np.asarray(self.kp) * (position - q[self.chain.motor_q_index])
+        effort = effort + np.asarray(self.kd) * (rate - v[self.chain.motor_index])
+        if state.size:
+            effort = effort + np.asarray(self.ki) * state
+        return effort if self.feedforward is None else effort + self.feedforward(t, q, v)
+
+    def state_rate(self, t: float, q: Configuration, v: Tangent, state: FloatArray) -> FloatArray:
+        """Compute the rate of the integrals: the position error, or zero where it would exceed the limit.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+        state
+            (state_size,) integrals of the position errors [m s or rad s].
+
+        Returns
+        -------
+        numpy.ndarray
+            (state_size,) [m or rad].
+        """
+        if not state.size:
+            return np.zeros(0)
+        error = self._motors.at(t, q)[0] - q[self.chain.motor_q_index]
+        full = (np.abs(np.asarray(self.ki) * state) >= np.asarray(self.integral_limit)) & (error * state > 0)
+        return np.where(full, 0.0, error)
+
+    @cached_property
+    def _motors(self) -> _MotorReference:
+        return _MotorReference(self.chain, self.reference)
+
+
+@dataclass(frozen=True, eq=False)
+class ComputedTorque:
+    """Inverse dynamics at the measured state, of the acceleration that corrects the platform's error.
+
+    ``a = a_ref + kd (twist_ref - twist) + kp e``, e = [p_ref - p; log(R_ref Rᵀ)]: the exact rotation vector that is
+    left, in world axes. With the full model and no limits each error obeys ``ë + kd ė + kp e = 0``.
+
+    Attributes
+    ----------
+    chain
+        Closed chain.
+    reference
+        Motion of the platform.
+    kp
+        Stiffness per inertia [1/s²].
+    kd
+        Damping per inertia [1/s]; critical at 2 √kp.
+    model
+        ``"full"``: all bodies. ``"point_mass"``: legs massless, platform a point (hexapods). A point has no moment of
+        inertia to correct the attitude with; the platform's own serves for the correction, not for the reference.
+    motor_inertia
+        Inertia of the motors on their coordinates, full model only [kg or kg m²].
+    """
+
+    chain: ClosedChain
+    reference: Reference
+    kp: float = 900.0
+    kd: float = 60.0
+    model: str = "full"
+    motor_inertia: ArrayLike = 0.0
+
+    def __post_init__(self) -> None:
+        _require_model(self.model)
+        _per_motor("motor_inertia", self.motor_inertia, self.chain.nu)
+        if self.model == "point_mass":
+            Hexapod.from_chain(self.chain)
+
+    def __call__(self, t: float, q: Configuration, v: Tangent) -> FloatArray:
+        """Return the efforts (nu,) [N or N m]."""
+        want = self.reference(np.array([t]))
+        scratch = self._scratch
+        scratch.place(q)
+        pose, twist = scratch.platform(q, v)
+        turn = pin.log3(want.rotation[0] @ pose.rotation.T)
+        error = np.concatenate([want.position[0] - pose.translation, turn])
+        correction = self.kd * (want.twist[0] - twist) + self.kp * error
+        if self.model == "point_mass":
+            return self._by_point_mass(pose, want.acceleration[0, :3] + correction[:3], correction[3:])
+        a = scratch.follow(q, v, want.acceleration[0] + correction)
+        return scratch.efforts(q, v, a) + np.asarray(self.motor_inertia) * a[self.chain.motor_index]
+
+    def _by_point_mass(self, pose: pin.SE3, linear: FloatArray, angular: FloatArray) -> FloatArray:
+        efforts = _point_mass(self.chain, self._hexapod, pose, linear)
+        body = self.chain.mechanism.link(self.chain.platform).inertia
+        if body is None:
+            return efforts
+        moment = pose.rotation @ body.inertia @ pose.rotation.T @ angular
+        jacobian = leg_jacobian(self._hexapod, pose.translation, pose.rotation)
+        return efforts + np.linalg.solve(jacobian.T, np.concatenate([np.zeros(3), moment]))
+
+    @cached_property
+    def _scratch(self) -> ChainScratch:
+        return ChainScratch(self.chain)
+
+    @cached_property
+    def _hexapod(self) -> Any:
+        return Hexapod.from_chain(self.chain)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledController:
+    """A controller on a computer: it acts at instants, holds its efforts in between, and reads encoders.
+
+    Attributes
+    ----------
+    chain
+        Closed chain.
+    controller
+        What acts; states of its own advance by Euler's rule.
+    rate
+        Instants per second; a period must be a multiple of the simulation's step [1/s].
+    resolution
+        Step of the motor encoders; the configuration is then what forward kinematics makes of their readings, rates
+        stay exact. 0: exact positions [m or rad].
+    """
+
+    chain: ClosedChain
+    controller: Any
+    rate: float = 1000.0
+    resolution: float = 0.0
+
+    def __post_init__(self) -> None:
+        as_positive("rate", self.rate)
+        if not 0 <= self.resolution < np.inf:
+            raise InputError(f"resolution must be 0 or more, got {self.resolution}")
+
+    def __call__(self, t: float, q: Configuration, v: Tangent) -> FloatArray:
+        """Return the efforts (nu,) as if t were an instant [N or N m]."""
+        return self.controller(t, *self.measure(q, v))
+
+    def measure(self, q: Configuration, v: Tangent) -> tuple[Configuration, Tangent]:
+        """See a state through the encoders.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+
+        Returns
+        -------
+        q : numpy.ndarray
+            (nq,) with motor positions at multiples of the resolution [m, rad, unit quaternions].
+        v : numpy.ndarray
+            (nv,) unchanged [m/s, rad/s].
+        """
+        if not self.resolution:
+            return q, v
+        readings = self.resolution * np.round(q[self.chain.motor_q_index] / self.resolution)
+        return forward_kinematics(self.chain, readings, q_guess=q).q, v
+
+
+class _MotorReference:
+    """Motor positions and rates of a platform motion; one instant is kept, for the parts of a controller."""
+
+    def __init__(self, chain: ClosedChain, reference: Reference) -> None:
+        self._chain, self._reference = chain, reference
+        self._time: float | None = None
+        self._values = (np.zeros(chain.nu), np.zeros(chain.nu))
+        try:
+            self._hexapod = Hexapod.from_chain(chain)
+        except UnsupportedError:
+            self._hexapod = None
+            return
+        scratch = ChainScratch(chain)
+        scratch.place(chain.q_home)
+        home, _ = scratch.platform(chain.q_home, np.zeros(chain.nv))
+        lengths = leg_lengths(self._hexapod, home.translation, home.rotation)
+        # A file may count its strokes from another length than zero.
+        self._offset = chain.q_home[chain.motor_q_index] - lengths
+
+    def at(self, t: float, q: Configuration) -> tuple[FloatArray, FloatArray]:
+        if t != self._time:
+            self._values, self._time = self._compute(t, q), t
+        return self._values
+
+    def _compute(self, t: float, q: Configuration) -> tuple[FloatArray, FloatArray]:
+        want = self._reference(np.array([t]))
+        chain = self._chain
+        if self._hexapod is not None:
+            lengths = leg_lengths(self._hexapod, want.position, want.rotation)[0]
+            rates = leg_rates(self._hexapod, want.position, want.rotation, want.twist)[0]
+            return lengths + self._offset, rates
+        state = platform_motion(chain, want.pose(0), want.twist[0], np.zeros(6), q_guess=q, limits=False)
+        return state.q[chain.motor_q_index], state.v[chain.motor_index]
+
+
+def _point_mass(chain: ClosedChain, hexapod: Any, pose: pin.SE3, acceleration: FloatArray) -> FloatArray:
+    body = chain.mechanism.link(chain.platform).inertia
+    return point_mass_forces(
+        hexapod,
+        pose.translation,
+        pose.rotation,
+        acceleration,
+        mass=0.0 if body is None else body.mass,
+        gravity=chain.gravity,
+    )
+
+
+def _require_model(model: str) -> None:
+    if model not in MODELS:
+        raise InputError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
+
+
+def _per_motor(name: str, value: ArrayLike, count: int) -> None:
+    shape = np.shape(value)
+    if shape not in ((), (count,)) or not (np.asarray(value, dtype=float) >= 0).all():
+        raise InputError(f"{name} must be 0 or more, one number or ({count},), got {value!r}")
