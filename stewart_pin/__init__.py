@@ -117,6 +117,10 @@ from stewart_pin.motion.earthquakes import synthetic_accelerogram as synthetic_a
 from stewart_pin.motion.profiles import chirp_motion as chirp_motion
 from stewart_pin.motion.profiles import minimum_jerk_motion as minimum_jerk_motion
 from stewart_pin.motion.profiles import spline_motion as spline_motion
+from stewart_pin.motion.shake_table import FitReport as FitReport
+from stewart_pin.motion.shake_table import MotorDemand as MotorDemand
+from stewart_pin.motion.shake_table import fit_to_limits as fit_to_limits
+from stewart_pin.motion.shake_table import motor_demand as motor_demand
 from stewart_pin.motion.simulation.events import Event as Event
 from stewart_pin.motion.simulation.motors import Motors as Motors
 from stewart_pin.motion.simulation.record import Simulation as Simulation

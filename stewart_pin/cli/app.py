@@ -8,6 +8,8 @@ from stewart_pin.cli.capability import capability
 from stewart_pin.cli.compare import compare
 from stewart_pin.cli.inspect import inspect
 from stewart_pin.cli.modes import modes
+from stewart_pin.cli.shake import shake
+from stewart_pin.cli.simulate import simulate
 
 app = typer.Typer(
     name="stewart_pin",
@@ -17,7 +19,5 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-app.command()(compare)
-app.command()(inspect)
-app.command()(capability)
-app.command()(modes)
+for command in (compare, inspect, modes, capability, simulate, shake):
+    app.command()(command)

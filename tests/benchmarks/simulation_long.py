@@ -1,4 +1,4 @@
-"""A million steps of a six-legged platform: gap, energy and memory stay flat. Run by hand; about three minutes.
+"""A million steps of a six-legged platform: gap, energy and memory stay flat. Run by hand; about ten minutes.
 
 ``python -m tests.benchmarks.simulation_long [steps]``
 """
@@ -40,7 +40,7 @@ def main() -> None:
     begin = total(run)
     print(
         f"{'steps':>9} {'CPU us/step':>12} {'largest gap [m]':>16} {'energy change':>14} {'memory [MB]':>12}"
-    )  # noqa: T201
+    )
     for k in range(10):
         start = time.process_time()
         run = stp.resume(
@@ -49,8 +49,8 @@ def main() -> None:
         cost = (time.process_time() - start) / part * 1e6
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         change = (total(run) - begin) / begin
-        print(f"{(k + 1) * part:>9} {cost:>12.0f} {run.largest_gap:>16.1e} {change:>14.1e} {memory:>12.1f}")  # noqa: T201
-    print(f"leg1 speed at the end {abs(run.v[-1][index_v[0]]):.3f} m/s")  # noqa: T201
+        print(f"{(k + 1) * part:>9} {cost:>12.0f} {run.largest_gap:>16.1e} {change:>14.1e} {memory:>12.1f}")
+    print(f"leg1 speed at the end {abs(run.v[-1][index_v[0]]):.3f} m/s")
 
 
 if __name__ == "__main__":

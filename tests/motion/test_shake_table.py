@@ -1,0 +1,72 @@
+"""The demand of a motion, and its largest share within the file's limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.motion.shake_table import _state_by_state
+from tests.closed_states import robot
+
+TIME = np.linspace(0.0, 1.0, 201)
+
+
+def shaking(chain: stp.ClosedChain, amplitude: float, frequency: float):
+    home = stp.platform_pose(chain, chain.q_home)
+    return lambda scale: stp.sinusoidal_motion(
+        TIME, home=home, amplitude=[0.0, 0.0, scale * amplitude], frequency=np.full(3, frequency)
+    )
+
+
+def test_closed_form_demand_is_that_of_the_one_state_verbs() -> None:
+    chain = robot("stewart")
+    samples = stp.sinusoidal_motion(TIME[:20], home=stp.platform_pose(chain, chain.q_home))
+    fast, slow = stp.motor_demand(chain, samples), _state_by_state(chain, samples)
+    np.testing.assert_allclose(fast.positions, slow.positions, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(fast.rates, slow.rates, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(fast.efforts, slow.efforts, rtol=0, atol=1e-9 * np.abs(slow.efforts).max())
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "frequency", "limit"), [(-0.6, 0.25, "stroke"), (0.5, 1.5, "rate"), (0.05, 40.0, "effort")]
+)
+def test_the_limit_that_binds_is_met_exactly_and_named(
+    amplitude: float, frequency: float, limit: str
+) -> None:
+    chain = stp.load("stewart")  # its own: the model is changed
+    if limit == "effort":
+        chain.model.velocityLimit[chain.motor_index] = 1e3
+    report = stp.fit_to_limits(chain, shaking(chain, amplitude, frequency), margin=0.1)
+    assert 0 < report.scale < 1
+    assert report.binding is not None
+    assert report.binding.limit == limit
+    assert report.binding.motor in chain.motors
+    # Bisection to 1e-6, from below.
+    assert 1 - 1e-5 < report.binding.use <= 1
+    demand = {"stroke": report.demand.positions, "rate": report.demand.rates, "effort": report.demand.efforts}
+    reached = {"stroke": demand["stroke"].max(), "rate": np.abs(demand["rate"]).max()}
+    reached["effort"] = np.abs(demand["effort"]).max()
+    joint = chain.motor_q_index[0]
+    middle = (chain.model.upperPositionLimit[joint] + chain.model.lowerPositionLimit[joint]) / 2
+    half = (chain.model.upperPositionLimit[joint] - chain.model.lowerPositionLimit[joint]) / 2
+    allowed = {"stroke": middle + 0.9 * half, "rate": 0.9 * 2.0, "effort": 0.9 * 1e4}
+    if limit == "stroke" and report.binding.value < middle:
+        reached["stroke"], allowed["stroke"] = -demand["stroke"].min(), -(middle - 0.9 * half)
+    assert reached[limit] == pytest.approx(allowed[limit], rel=1e-5)
+
+
+def test_a_motion_within_the_limits_is_left_alone() -> None:
+    chain = robot("stewart")
+    report = stp.fit_to_limits(chain, shaking(chain, 0.02, 1.0))
+    assert report.scale == 1.0
+    assert all(binding.use < 1 for binding in report.unscaled)
+
+
+def test_what_cannot_be_scaled_is_refused() -> None:
+    chain = robot("stewart")
+    with pytest.raises(stp.errors.InputError, match="margin"):
+        stp.fit_to_limits(chain, shaking(chain, 0.02, 1.0), margin=1.0)
+    # Home is not in the middle of the stroke.
+    with pytest.raises(stp.errors.InputError, match="scale 0"):
+        stp.fit_to_limits(chain, shaking(chain, 0.9, 1.0), margin=0.9999)
