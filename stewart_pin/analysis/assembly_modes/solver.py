@@ -89,6 +89,7 @@ class AssemblySolver:
 
     def __init__(self, hexapod: Hexapod, *, engine: Engine | None = None) -> None:
         self.hexapod = hexapod
+        self._engine: Engine | None = engine
         self._tracker = tracker_for(engine)
         self._scaling = Scaling.of(hexapod)
         self._starts: list[StartSystem] = []
@@ -121,7 +122,7 @@ class AssemblySolver:
 
     def _solve_one(self, lengths: FloatArray) -> AssemblyModes:
         if self.n_generic == 0:
-            return assembly_modes(self.hexapod, lengths)
+            return assembly_modes(self.hexapod, lengths, engine=self._engine)
         return _solve(
             self.hexapod, lengths, self._scaling, self._lazy_starts(), self._tracker, sure=self._sure
         )
