@@ -44,7 +44,7 @@ class DynamicController(Protocol):
         v
             (nv,) tangent velocity [m/s, rad/s].
         state
-            (state_size,) of the controller.
+            (state_size,) state of the controller [m s or rad s].
 
         Returns
         -------
@@ -65,7 +65,7 @@ class DynamicController(Protocol):
         v
             (nv,) tangent velocity [m/s, rad/s].
         state
-            (state_size,) of the controller.
+            (state_size,) state of the controller [m s or rad s].
 
         Returns
         -------
@@ -168,12 +168,12 @@ class Drive:
         v
             (nv,) tangent velocity [m/s, rad/s].
         state
-            (state_size,) of the controller.
+            (state_size,) state of the controller [m s or rad s].
 
         Returns
         -------
         numpy.ndarray
-            (state_size,) after the sample.
+            (state_size,) state after the sample [m s or rad s].
         """
         assert self._sampled is not None
         try:
@@ -197,7 +197,7 @@ class Drive:
         v
             (nv,) tangent velocity [m/s, rad/s].
         state
-            (state_size,) of the controller.
+            (state_size,) state of the controller [m s or rad s].
 
         Returns
         -------
@@ -218,7 +218,7 @@ class Drive:
         v
             (nv,) tangent velocity [m/s, rad/s].
         state
-            (state_size,) of the controller.
+            (state_size,) state of the controller [m s or rad s].
 
         Returns
         -------

@@ -72,6 +72,6 @@ def displacement_jacobian(model: pin.Model, q: FloatArray, q_moved: FloatArray) 
     Returns
     -------
     numpy.ndarray
-        (nv, nv) rate of ``difference(q, q_moved)`` per tangent velocity at `q_moved`.
+        (nv, nv) rate of ``difference(q, q_moved)`` per tangent velocity at `q_moved`, dimensionless.
     """
     return pin.dDifference(model, q, q_moved, pin.ArgumentPosition.ARG1)

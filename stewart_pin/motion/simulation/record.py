@@ -31,7 +31,7 @@ class SimulationState:
     v
         (nv,) tangent velocity [m/s, rad/s].
     controller
-        State of the controller.
+        (n,) state of the controller [m s or rad s].
     held
         (nu,) efforts that a sampled controller holds [N or N m].
     sampled
