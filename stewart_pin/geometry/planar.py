@@ -186,7 +186,7 @@ def planar_leg_jacobian(planar: PlanarRPR, position: ArrayLike, angle: ArrayLike
     if (lengths == 0.0).any():
         leg = int(np.argwhere(lengths == 0.0)[0][-1])
         raise SingularityError(
-            f"leg {leg} has length zero and no direction; move the platform", smallest_singular_value=0.0
+            f"leg {leg + 1} has length zero and no direction; move the platform", smallest_singular_value=0.0
         )
     u = legs / lengths[..., None]
     moment = arms[..., 0] * u[..., 1] - arms[..., 1] * u[..., 0]

@@ -129,7 +129,9 @@ def planar_transition_lengths(planar: PlanarRPR, lengths: ArrayLike, leg: int) -
     b, d, p, scale = reduced.anchors[0], reduced.corners[0], reduced.lengths[0], float(reduced.scale[0])
     i, j = (n for n in range(3) if n != leg)
     if abs(b[i] - b[j]) + abs(d[i] - d[j]) <= ROUND_OFF:
-        raise UnsupportedError(f"legs {i} and {j} share both ends: no number of modes; choose another leg")
+        raise UnsupportedError(
+            f"legs {i + 1} and {j + 1} share both ends: no number of modes; choose another leg"
+        )
     reach, poses = _extreme_lengths(b, d, p, leg)
     ends = np.concatenate([[0.0], reach, [reach[-1] + 1.0 if len(reach) else 1.0]])
     probes = np.tile(lengths, (len(ends) - 1, 1))

@@ -159,7 +159,7 @@ def plot_mode_count(
     ax.set_xlim(low, high)
     ax.set_ylim(0, max(float(transitions.counts.max()), 2.0) * 1.6)
     ax.set_yticks(sorted({0, *transitions.counts.tolist()}))
-    ax.set_xlabel(f"length of leg {leg} [m]")
+    ax.set_xlabel(f"length of leg {leg + 1} [m]")
     ax.set_ylabel("assembly modes")
     return ax, transitions
 

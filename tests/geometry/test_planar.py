@@ -73,5 +73,5 @@ def test_bad_input_is_named() -> None:
         stp.planar_leg_lengths(planar, np.zeros((2, 2)), np.zeros(3))
     with pytest.raises(InputError, match="position must have shape"):
         stp.planar_leg_lengths(planar, [0.0, 0.0, 0.0], 0.0)
-    with pytest.raises(SingularityError, match="leg 0 has length zero"):
+    with pytest.raises(SingularityError, match="leg 1 has length zero"):
         stp.planar_leg_jacobian(planar, [0.0, 0.0], 0.0)

@@ -133,5 +133,5 @@ def test_bad_input_is_named(exercise: stp.PlanarRPR) -> None:
     with pytest.raises(InputError, match="lengths must have shape"):
         stp.planar_transition_lengths(exercise, [5.0, 5.0], 0)
     double = stp.PlanarRPR([[0, 0], [0, 0], [4, 0]], [[0, 0], [0, 0], [1, 0]])
-    with pytest.raises(UnsupportedError, match="legs 0 and 1 share both ends"):
+    with pytest.raises(UnsupportedError, match="legs 1 and 2 share both ends"):
         stp.planar_transition_lengths(double, [1.0, 1.0, 1.0], 2)
