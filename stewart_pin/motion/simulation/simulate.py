@@ -128,7 +128,7 @@ def simulate(
     >>> import numpy as np, stewart_pin as stp
     >>> chain = stp.load("stewart")
     >>> fall = stp.simulate(chain, chain.q_home, np.zeros(chain.nv), duration=0.1, dt=1e-3)
-    >>> fall.success, fall.largest_gap < 1e-10, abs(fall.energy[-1] - fall.energy[0]) < 1e-9
+    >>> fall.success, fall.largest_gap < 1e-10, bool(abs(fall.energy[-1] - fall.energy[0]) < 1e-9)
     (True, True, True)
     """
     q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
