@@ -1,4 +1,4 @@
-"""``shake``: an earthquake on the table, scaled to its limits: what was asked, what it did, what it cost."""
+"""``shake``: an earthquake on a shake table: what it asks of the motors, how much fits, what the table then does."""
 
 from __future__ import annotations
 

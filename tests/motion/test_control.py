@@ -94,7 +94,8 @@ def test_computed_torque_obeys_its_error_equation() -> None:
 
 def test_computed_torque_turns_the_platform_back_the_exact_way() -> None:
     chain = robot("stewart")
-    home = stp.platform_pose(chain, chain.q_home)
+    # A command that is itself turned: world and platform axes differ.
+    home = pin.SE3(pin.exp3(np.array([0.2, 0.1, -0.15])), np.array([0.02, 0.0, 1.0]))
     reference = partial(stp.sinusoidal_motion, home=home, amplitude=np.zeros(3))
     turn = pin.exp3(np.array([0.1, -0.05, 0.15]))
     begin = stp.inverse_kinematics(chain, pin.SE3(turn @ home.rotation, home.translation))
