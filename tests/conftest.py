@@ -7,6 +7,8 @@ import pytest
 
 import stewart_pin as stp
 
+collect_ignore = ["benchmarks"]  # run by hand; some need other engines
+
 
 @pytest.fixture
 def rng() -> np.random.Generator:

@@ -72,7 +72,7 @@ def test_quick_start_is_two_commands() -> None:
     compare, test = block[1].splitlines()
     assert compare.startswith("python3 -m venv .venv && ")
     assert compare.endswith(".venv/bin/python -m stewart_pin compare")
-    assert test.endswith(".venv/bin/python -m pytest -q")
+    assert test.endswith(".venv/bin/python -m pytest -q -n auto")
 
 
 def test_readme_examples_run() -> None:
