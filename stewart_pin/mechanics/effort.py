@@ -22,7 +22,8 @@ class Effort:
     reactions_unique
         Whether the loop reactions are the only possible ones; otherwise they are the least-norm ones.
     a
-        (nv,) acceleration that these efforts cause: the demand, but for idle freedoms, which obey their own inertia
+        (nv,) acceleration that these efforts cause: the demand, but for idle freedoms, which obey their own inertia;
+        idle freedoms without inertia, as the spins of massless legs, are left as near to the demand as can be
         [m/s², rad/s²].
     residual
         Largest part of the equation of motion that no motor and no reaction can supply [N or N m].
