@@ -285,7 +285,7 @@ def _joint_space_inertia(chain: ClosedChain, data: pin.Data, q: Configuration) -
 
 def _constraint_dynamics(chain: ClosedChain, state: _Closed, tau: FloatArray) -> Motion:
     models = constraint_models(chain)
-    if np.linalg.matrix_rank(state.jacobian * chain.tangent_scale, rtol=RANK) < chain.nc:
+    if chain.nc and np.linalg.matrix_rank(state.jacobian * chain.tangent_scale, rtol=RANK) < chain.nc:
         raise UnsupportedError(
             "pinocchio.constraintDynamics cannot treat redundant loops (see mobility); use method='projection'"
         )
