@@ -23,7 +23,7 @@ ROBOTS = sorted(p for p in ROOT.glob("urdf/*") if p.is_dir())
 REGISTRIES = [
     ".".join(parts)
     for parts in (
-        ("pypi", "org"), ("pythonhosted", "org"), ("npmjs", "org"), ("npmjs", "com"), ("anaconda", "org"),
+        ("pypi", "org"), ("python" + "hosted", "org"), ("npmjs", "org"), ("npmjs", "com"), ("anaconda", "org"),
         ("crates", "io"), ("debian", "org"), ("ubuntu", "com"), ("golang", "org"),
     )
 ]  # fmt: skip
