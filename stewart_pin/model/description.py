@@ -141,9 +141,41 @@ class Loop:
     length: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """Two one-freedom joints that move together: a gear, a belt, a mimic joint, the thread of a screw.
+
+    The first joint stands at ``c0 + c1 x + c2 x² + ...``, with x the position of the second.
+
+    Attributes
+    ----------
+    name
+        Unique name.
+    joint1
+        Joint whose position follows.
+    joint2
+        Joint that it follows, or None: joint 1 stands at c0.
+    polynomial
+        (n,) coefficients c0, c1, ... [unit of joint 1 per power of the unit of joint 2].
+    """
+
+    name: str
+    joint1: str
+    joint2: str | None
+    polynomial: tuple[float, ...]
+
+
+class Outcome(StrEnum):
+    """What a reader made of something it found."""
+
+    KEPT = "kept"
+    CHANGED = "changed"
+    IGNORED = "ignored"
+
+
 @dataclass(frozen=True)
 class Note:
-    """Something a reader found and did not turn into the mechanism.
+    """Something a reader found, and what it made of it.
 
     Attributes
     ----------
@@ -151,15 +183,18 @@ class Note:
         Tag or name.
     text
         What became of it, and why.
+    outcome
+        Kept as it stands, changed (a cut joint, an unfolded one, a joint of another type), or ignored.
     """
 
     subject: str
     text: str
+    outcome: Outcome = Outcome.IGNORED
 
 
 @dataclass(frozen=True)
 class Report:
-    """What a reader found in a file and did not turn into the mechanism; print it.
+    """What a reader found in a file besides links, joints and loops of its own dialect; print it.
 
     Attributes
     ----------
@@ -170,14 +205,16 @@ class Report:
     notes: tuple[Note, ...] = ()
 
     def __str__(self) -> str:
-        """Group equal findings, one line each."""
-        subjects: dict[str, list[str]] = {}
-        for note in self.notes:
-            subjects.setdefault(note.text, []).append(note.subject)
-        lines = [
-            f"{text} ({', '.join(owners[:3])}{f' and {len(owners) - 3} more' if len(owners) > 3 else ''})"
-            for text, owners in subjects.items()
-        ]
+        """Group equal findings, one line each: what was kept, then what was changed, then what was ignored."""
+        lines: list[str] = []
+        for outcome in Outcome:
+            subjects: dict[str, list[str]] = {}
+            for note in self.notes:
+                if note.outcome is outcome:
+                    subjects.setdefault(note.text, []).append(note.subject)
+            for text, owners in subjects.items():
+                more = f" and {len(owners) - 3} more" if len(owners) > 3 else ""
+                lines.append(f"{outcome}: {text} ({', '.join(owners[:3])}{more})")
         return "\n".join(lines) or "nothing was ignored"
 
 
@@ -189,7 +226,7 @@ class Mechanism:
     ----------
     name
         Name of the robot.
-    links, joints, loops
+    links, joints, loops, couplings
         Parts, in the order of the file.
     platform
         Link that carries the platform frame, or None when nothing says so.
@@ -198,17 +235,21 @@ class Mechanism:
     source
         File the mechanism came from, for messages.
     notes
-        What the reader ignored or interpreted.
+        What the reader kept, changed or ignored.
+    gravity
+        (3,) acceleration of free fall that the file states [m/s²], or None where it states none.
     """
 
     name: str
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
     loops: tuple[Loop, ...] = ()
+    couplings: tuple[Coupling, ...] = ()
     platform: str | None = None
     home: Mapping[str, FloatArray] = field(default_factory=dict)
     source: str = ""
     notes: tuple[Note, ...] = ()
+    gravity: tuple[float, float, float] | None = None
 
     @property
     def root(self) -> str:

@@ -106,7 +106,7 @@ def test_the_report_names_all_that_was_ignored(tmp_path: Path) -> None:
     assert isinstance(chain.report, Report) and chain.report.notes == chain.mechanism.notes
     report = str(chain.report)
     for word in (
-        "<visual> ignored: for viewers (link 'shell', link 'shell')", "<collision>", "<glow> ignored: unknown tag",
+        "<visual>: for viewers (link 'shell', link 'shell')", "<collision>", "<glow>: unknown tag",
         "<dynamics>", "<safety_controller>", "dont_collapse", "<material name='red'>", "<transmission name='t'>",
         "<gazebo>", "<mujoco>", "folded", "gripper", "<banana>", "'colour'",
     ):  # fmt: skip
@@ -119,7 +119,7 @@ def test_a_report_gathers_equal_findings(tmp_path: Path) -> None:
     shells = [link(f"shell{k}", f"{INERTIAL}<visual/>") for k in range(5)]
     glue = [joint(f"glue{k}", "arm", f"shell{k}", "fixed") for k in range(5)]
     report = str(stp.load(write(tmp_path, robot(*ARM, *shells, *glue))).report)
-    assert report == "<visual> ignored: for viewers (link 'shell0', link 'shell1', link 'shell2' and 2 more)"
+    assert report == "ignored: <visual>: for viewers (link 'shell0', link 'shell1', link 'shell2' and 2 more)"
 
 
 def test_limits_that_other_readers_take_differently_are_reported(tmp_path: Path) -> None:

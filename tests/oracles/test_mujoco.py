@@ -248,7 +248,9 @@ def workshop(kind: JointKind | None, rng: np.random.Generator) -> stp.ClosedChai
         name: q[joint.idx_q : joint.idx_q + joint.nq]
         for name, joint in zip(chain.model.names[1:], chain.model.joints[1:], strict=True)
     }
-    return build_chain(Mechanism("workshop", tuple(links), tuple(joints), (loop,), "tool", home))
+    return build_chain(
+        Mechanism("workshop", tuple(links), tuple(joints), (loop,), platform="tool", home=home)
+    )
 
 
 def test_every_joint_and_merged_links(rng: np.random.Generator, tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ from stewart_pin.model.description import (
     Loop,
     Mechanism,
     Note,
+    Outcome,
 )
 from stewart_pin.model.formats.foreign_tags import reason_to_ignore
 from stewart_pin.model.formats.xml import UNLIMITED, ElementReader, number_text, read_xml, shown_tag
@@ -114,7 +115,7 @@ class _UrdfReader(ElementReader):
         placement = self._origin(inertial, owner)
         turned = placement.rotation @ matrix @ placement.rotation.T
         if mass == 0 and not turned.any():
-            self._note(owner, "has an <inertial> of zero: a body without mass")
+            self._note(owner, "has an <inertial> of zero: a body without mass", Outcome.KEPT)
         # Set afterwards: the constructor refuses negative moments with an error that names nothing.
         inertia = pin.Inertia(mass, placement.translation, np.zeros((3, 3)))
         inertia.inertia = (turned + turned.T) / 2
@@ -161,10 +162,14 @@ class _UrdfReader(ElementReader):
         }
         range_given = limits.keys() & {"lower", "upper"}
         if written == "continuous" and range_given:
-            self._note(owner, "<limit lower, upper> ignored: the joint is continuous")
+            self._note(owner, "<limit lower, upper>: the joint is continuous")
             limits = {key: value for key, value in limits.items() if key not in range_given}
         elif written != "continuous" and len(range_given) < 2:
-            self._note(owner, "<limit> without lower or upper: no such limit, where other readers assume 0")
+            self._note(
+                owner,
+                "<limit> without lower or upper: no such limit, where other readers assume 0",
+                Outcome.KEPT,
+            )
         return {
             key: float(np.copysign(np.inf, value)) if abs(value) >= UNLIMITED else value
             for key, value in limits.items()
@@ -259,13 +264,13 @@ class _UrdfReader(ElementReader):
             raise self.error(f"{owner}: {attribute} must be 'true' or 'false', got {value!r}", owner)
         return value == "true"
 
-    def _note(self, owner: str, text: str) -> None:
-        self.notes.append(Note(owner, text))
+    def _note(self, owner: str, text: str, outcome: Outcome = Outcome.IGNORED) -> None:
+        self.notes.append(Note(owner, text, outcome))
 
     def _note_ignored(self, element: etree._Element, owner: str) -> None:
         named = f" name='{element.get('name')}'" if element.get("name") and owner == "the file" else ""
         reason = reason_to_ignore(self, element, owner)
-        self._note(owner, f"<{shown_tag(element)}{named}> ignored: {reason}")
+        self._note(owner, f"<{shown_tag(element)}{named}>: {reason}")
 
     def _note_strangers(
         self, element: etree._Element, owner: str, attributes: Collection[str], tags: Collection[str] = ()
@@ -273,7 +278,7 @@ class _UrdfReader(ElementReader):
         """Note attributes and children that are not read, and stop at those that could change the mechanism."""
         for name in element.attrib:
             if name not in attributes:
-                self._note(owner, f"attribute '{name}' of <{element.tag}> ignored: unknown")
+                self._note(owner, f"attribute '{name}' of <{element.tag}>: unknown")
         for child in element.iterchildren(etree.Element):
             if child.tag not in tags:
                 self._note_ignored(child, owner)
