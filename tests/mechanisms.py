@@ -9,7 +9,7 @@ import pinocchio as pin
 
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
-from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
+from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism
 
 X, Y, Z = np.eye(3)
 ONE = pin.SE3.Identity()
@@ -100,6 +100,37 @@ def five_bar(
     loop = Loop("pin", kind, "tip", "far", at(0.4), at(0.4))
     home = {"left_hip": [2.0], "left_knee": [-1.2], "right_hip": [1.1], "right_knee": [1.2]}
     return _near(Mechanism("five_bar", links, joints, (loop,), platform="tip"), home, motors)
+
+
+def gear_train(rng: np.random.Generator, *, driven: str = "pinion") -> stp.ClosedChain:
+    """Build two geared shafts on a swinging frame, and a screw whose nut slides on one of them.
+
+    The wheel follows the pinion by a polynomial (a cam), the nut follows the wheel by a lead; the frame swings freely
+    under its own motor. The joints between nut and wheel have no body in between on one side.
+    """
+    links = (
+        Link("ground"),
+        Link("frame", body(rng, 2.0)),
+        Link("pinion", body(rng)),
+        Link("wheel", body(rng, 1.5)),
+        Link("shaft"),
+        Link("nut", body(rng)),
+    )
+    axes = [x / np.linalg.norm(x) for x in rng.normal(size=(4, 3))]
+    joints = (
+        Joint("swing", R, "ground", "frame", turned(rng), axes[0], independent=True),
+        Joint("pinion", R, "frame", "pinion", turned(rng), axes[1], independent=driven == "pinion"),
+        Joint("wheel", R, "frame", "wheel", turned(rng), axes[2], independent=driven == "wheel"),
+        Joint("turn", R, "wheel", "shaft", turned(rng), axes[3], independent=driven == "turn"),
+        Joint("slide", P, "shaft", "nut", ONE, axes[3]),
+    )
+    couplings = (
+        Coupling("cam", "wheel", "pinion", (0.2, -0.4, 0.1, 0.05)),
+        Coupling("belt", "turn", "wheel", (0.0, 3.0)),
+        Coupling("thread", "slide", "turn", (0.1, 0.02)),
+    )
+    parts = Mechanism("gear_train", links, joints, couplings=couplings, platform="nut")
+    return build_chain(parts)
 
 
 def arm(rng: np.random.Generator, joints: int = 3, *, tool_inertia: bool = False) -> stp.ClosedChain:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from stewart_pin.errors import InputError
+from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.formats.mjcf import write_mjcf_file
 from stewart_pin.model.formats.urdf_plus import write_urdf_file
@@ -27,6 +27,7 @@ def write_urdf(chain: ClosedChain, path: str | Path) -> None:
     InputError
         If the file cannot be written.
     """
+    _refuse_couplings(chain, "urdf+")
     try:
         write_urdf_file(chain.described(), Path(path))
     except OSError as error:
@@ -56,7 +57,13 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> No
     writers = {"urdf+": write_urdf, "mjcf": _write_mjcf}
     if format not in writers:
         raise InputError(f"format must be one of {', '.join(writers)}, got {format!r}")
+    _refuse_couplings(chain, format)
     writers[format](chain, path)
+
+
+def _refuse_couplings(chain: ClosedChain, format: str) -> None:
+    for coupling in chain.couplings:
+        raise UnsupportedError(f"coupling '{coupling.name}' cannot be written as {format}")
 
 
 def _write_mjcf(chain: ClosedChain, path: str | Path) -> None:

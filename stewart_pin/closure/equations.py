@@ -19,7 +19,7 @@ from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.model.loop_table import LoopTable
-from stewart_pin.typing import ArrayLike, FloatArray
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 _HELD = (JointKind.FIXED, JointKind.PRISMATIC)
 """Loops that hold all directions of frames 1 and 2 together."""
@@ -51,12 +51,13 @@ def loop_gap(chain: ClosedChain, q: ArrayLike) -> FloatArray:
     Returns
     -------
     numpy.ndarray
-        (nc,) residual of 1M2, loop after loop, in loop frame 1 [m; angle rows are sines, dimensionless].
+        (nc,) residual of 1M2, loop after loop, in loop frame 1 [m; angle rows are sines, dimensionless], then of the
+        couplings [m or rad].
     """
     q = as_configuration(chain, "q", q)
     data = pin.Data(chain.model)
     pin.forwardKinematics(chain.model, data, q)
-    return gap_from_data(chain, data)
+    return gap_from_data(chain, data, q)
 
 
 def row_sizes(chain: ClosedChain) -> FloatArray:
@@ -70,10 +71,12 @@ def row_sizes(chain: ClosedChain) -> FloatArray:
     Returns
     -------
     numpy.ndarray
-        (nc,) the robot's size for rows that are lengths [m], 1 for angle rows.
+        (nc,) the robot's size for rows that are lengths [m], 1 for angles and their sines.
     """
     sizes = np.full(chain.nc, chain.length_scale)
     sizes[chain.loop_table.angle.index] = 1.0
+    coupling = chain.loop_table.coupling
+    sizes[coupling.index] = chain.tangent_scale[coupling.v1]
     return sizes
 
 
@@ -99,7 +102,7 @@ def loop_jacobian(chain: ClosedChain, q: ArrayLike) -> FloatArray:
     q = as_configuration(chain, "q", q)
     data = pin.Data(chain.model)
     pin.computeJointJacobians(chain.model, data, q)
-    return jacobian_from_data(chain, data)
+    return jacobian_from_data(chain, data, q)
 
 
 def loop_bias(chain: ClosedChain, q: ArrayLike, v: ArrayLike) -> FloatArray:
@@ -127,10 +130,10 @@ def loop_bias(chain: ClosedChain, q: ArrayLike, v: ArrayLike) -> FloatArray:
     q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
     data = pin.Data(chain.model)
     pin.forwardKinematics(chain.model, data, q, v, np.zeros(chain.nv))
-    return bias_from_data(chain, data)
+    return bias_from_data(chain, data, q, v)
 
 
-def gap_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
+def gap_from_data(chain: ClosedChain, data: pin.Data, q: Configuration) -> FloatArray:
     """Evaluate the gap where forward kinematics has run.
 
     Parameters
@@ -139,6 +142,8 @@ def gap_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
         Closed chain.
     data
         Scratch that holds the joint placements.
+    q
+        (nq,) configuration that it holds [m, rad, unit quaternions].
 
     Returns
     -------
@@ -151,6 +156,7 @@ def gap_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
     gap[table.normal.index] = np.einsum("ri,ri->r", table.normal.vector1, at.translation[table.normal.loop])
     gap[table.angle.index] = np.einsum("ri,ri->r", table.angle.vector1, _turned(table, at))
     gap[table.rod.index] = np.linalg.norm(at.translation[table.rod.loop], axis=1) - table.rod.length
+    gap[table.coupling.index] = q[table.coupling.q1] - table.coupling.evaluate(q, 0)
     return gap
 
 
@@ -181,7 +187,7 @@ def flipped_loop(chain: ClosedChain, data: pin.Data) -> str | None:
     return None
 
 
-def jacobian_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
+def jacobian_from_data(chain: ClosedChain, data: pin.Data, q: Configuration) -> FloatArray:
     """Evaluate the loop Jacobian where the joint Jacobians have been computed.
 
     Parameters
@@ -190,6 +196,8 @@ def jacobian_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
         Closed chain.
     data
         Scratch that holds the joint placements and Jacobians.
+    q
+        (nq,) configuration that it holds [m, rad, unit quaternions].
 
     Returns
     -------
@@ -205,17 +213,57 @@ def jacobian_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
     to_frame1 = np.swapaxes(at.world1, 1, 2)
     slide = to_frame1 @ (at_origin2 * table.difference[:, None, :])
     turn = to_frame1 @ (angular[None] * table.difference[:, None, :])
-    jacobian = np.empty((table.size, chain.nv))
+    jacobian = np.zeros((table.size, chain.nv))
     jacobian[table.normal.index] = np.einsum("ri,rin->rn", table.normal.vector1, slide[table.normal.loop])
     # u1 · (w × R u2) = w · (R u2 × u1)
     lever = np.cross(_turned(table, at), table.angle.vector1)
     jacobian[table.angle.index] = np.einsum("ri,rin->rn", lever, turn[table.angle.loop])
     along = _directions(table, at)
     jacobian[table.rod.index] = np.einsum("ri,rin->rn", along, slide[table.rod.loop])
+    fill_couplings(table, q, jacobian)
     return jacobian
 
 
-def bias_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
+def fill_couplings(table: LoopTable, q: Configuration, jacobian: FloatArray) -> None:
+    """Write the rows of the couplings into a loop Jacobian: 1 for the joint that follows, -p' for the other.
+
+    Parameters
+    ----------
+    table
+        Loops and couplings.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+    jacobian
+        (nc, nv) loop Jacobian with zeros in these rows, changed in place [unit of joint 1 per unit of joint].
+    """
+    rows = table.coupling
+    jacobian[rows.index, rows.v1] = 1.0
+    follows = rows.v2 >= 0
+    jacobian[rows.index[follows], rows.v2[follows]] = -rows.evaluate(q, 1)[follows]
+
+
+def coupling_bias(table: LoopTable, q: Configuration, v: Tangent) -> FloatArray:
+    """Compute the bias of the couplings, -p'' v2².
+
+    Parameters
+    ----------
+    table
+        Loops and couplings.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity [m/s, rad/s].
+
+    Returns
+    -------
+    numpy.ndarray
+        (r,) one per coupling [m/s² or rad/s²].
+    """
+    rows = table.coupling
+    return -rows.evaluate(q, 2) * v[rows.v2] ** 2 if rows.index.size else np.zeros(0)
+
+
+def bias_from_data(chain: ClosedChain, data: pin.Data, q: Configuration, v: Tangent) -> FloatArray:
     """Evaluate the bias where forward kinematics has run to second order with zero joint acceleration.
 
     Parameters
@@ -224,6 +272,10 @@ def bias_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
         Closed chain.
     data
         Scratch that holds joint placements, velocities and accelerations.
+    q
+        (nq,) configuration that it holds [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity that it holds [m/s, rad/s].
 
     Returns
     -------
@@ -275,6 +327,7 @@ def bias_from_data(chain: ClosedChain, data: pin.Data) -> FloatArray:
         np.einsum("ri,ri->r", along, slide_rate[table.rod.loop])
         + np.einsum("ri,ri->r", across, across) / distance
     )
+    bias[table.coupling.index] = coupling_bias(table, q, v)
     return bias
 
 

@@ -169,7 +169,7 @@ def loop_system(chain: ClosedChain) -> System:
         Residual (nc,) [m] and Jacobian (nc, nv) from Pinocchio data.
     """
     return System(
-        lambda data, q: (gap_from_data(chain, data), jacobian_from_data(chain, data)),
+        lambda data, q: (gap_from_data(chain, data, q), jacobian_from_data(chain, data, q)),
         row_sizes(chain),
         "closed loops",
     )

@@ -29,8 +29,13 @@ def constraint_models(chain: ClosedChain) -> pin.StdVec_RigidConstraintModel:
     Raises
     ------
     UnsupportedError
-        If a loop is of another kind.
+        If a loop is of another kind, or joints are coupled.
     """
+    for coupling in chain.couplings:
+        raise UnsupportedError(
+            f"coupling '{coupling.name}' of joint '{coupling.joint1}' is not known to Pinocchio's constrained "
+            "algorithms; use method='projection'"
+        )
     table = chain.loop_table
     models = pin.StdVec_RigidConstraintModel()
     for k, loop in enumerate(chain.loops):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.closure.equations import coupling_bias, fill_couplings
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
 from stewart_pin.typing import Configuration, FloatArray, Tangent
@@ -30,7 +31,11 @@ class LoopScratch:
         self._size = table.size
         self._rest = np.zeros(chain.nv)
         # Ball loops need no more than points; every other kind is made of rows of a rigid one.
-        self._points = bool(chain.loops) and all(loop.kind is JointKind.SPHERICAL for loop in chain.loops)
+        self._points = (
+            bool(chain.loops)
+            and not chain.couplings
+            and all(loop.kind is JointKind.SPHERICAL for loop in chain.loops)
+        )
         kind = pin.ContactType.CONTACT_3D if self._points else pin.ContactType.CONTACT_6D
         self._models = pin.StdVec_RigidConstraintModel()
         self._datas = pin.StdVec_RigidConstraintData()
@@ -51,6 +56,8 @@ class LoopScratch:
         self._angles = [
             *zip(angle.index.tolist(), angle.loop.tolist(), angle.vector1, angle.vector2, strict=True)
         ]
+        self._table = table
+        self._q = np.zeros(chain.nq)
         self._rods = [*zip(rod.index.tolist(), rod.loop.tolist(), rod.length.tolist(), strict=True)]
 
     def place(self, q: Configuration) -> FloatArray:
@@ -66,6 +73,7 @@ class LoopScratch:
         numpy.ndarray
             (nc,) gap, as `loop_gap` [m and dimensionless].
         """
+        self._q = q
         pin.computeJointJacobians(self._model, self.data, q)
         for model, data in self._pairs:
             model.calc(self._model, self.data, data)
@@ -79,6 +87,9 @@ class LoopScratch:
             gap[row] = u1 @ here[loop].rotation @ u2
         for row, loop, length in self._rods:
             gap[row] = np.linalg.norm(here[loop].translation) - length
+        coupling = self._table.coupling
+        if coupling.index.size:
+            gap[coupling.index] = q[coupling.q1] - coupling.evaluate(q, 0)
         return gap
 
     def jacobian(self) -> FloatArray:
@@ -91,7 +102,9 @@ class LoopScratch:
             [m and 1 per m or rad].
         """
         if not self._pairs:
-            return np.zeros((0, self._model.nv))
+            jacobian = np.zeros((self._size, self._model.nv))
+            fill_couplings(self._table, self._q, jacobian)
+            return jacobian
         # Pinocchio's sign is minus ours. For ball loops these are velocities of origin 2 less origin 1: the turning of
         # frame 1 under an open gap is missing. For rigid loops, spatial velocities at origin 1, in frame 1.
         relative = -pin.getConstraintsJacobian(self._model, self.data, self._models, self._datas)
@@ -111,7 +124,10 @@ class LoopScratch:
             select[row, 6 * loop + 3 : 6 * loop + 6] = pin.skew(here[loop].rotation @ u2) @ u1
         for row, loop, _ in self._rods:
             along(row, loop, _direction(here[loop].translation)[0])
-        return select @ relative
+        jacobian = select @ relative
+        if self._table.coupling.index.size:
+            fill_couplings(self._table, self._q, jacobian)
+        return jacobian
 
     def bias(self, q: Configuration, v: Tangent) -> FloatArray:
         """Evaluate the bias where `place` has been.
@@ -144,6 +160,7 @@ class LoopScratch:
             slide, slide_rate, _, _ = moving[loop]
             across = slide - along * (along @ slide)
             bias[row] = along @ slide_rate + across @ across / max(distance, np.finfo(float).tiny)
+        bias[self._table.coupling.index] = coupling_bias(self._table, q, v)
         return bias
 
     def _relative_motion(self, k: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -241,13 +241,13 @@ def _closed_state(chain: ClosedChain, q: ArrayLike, v: ArrayLike) -> _Closed:
     data = pin.Data(chain.model)
     pin.computeJointJacobians(chain.model, data, q)
     pin.forwardKinematics(chain.model, data, q, v, np.zeros(chain.nv))
-    gap, jacobian = gap_from_data(chain, data), jacobian_from_data(chain, data)
+    gap, jacobian = gap_from_data(chain, data, q), jacobian_from_data(chain, data, q)
     _require_small(chain, gap, np.zeros(chain.nv), "q", "close_loops")
     flipped = flipped_loop(chain, data)
     if flipped is not None:
         raise InputError(f"q holds loop '{flipped}' with its axes against each other; see close_loops")
     _require_small(chain, jacobian @ v, v, "v", "platform_motion")
-    return _Closed(q=q, v=v, jacobian=jacobian, bias=bias_from_data(chain, data))
+    return _Closed(q=q, v=v, jacobian=jacobian, bias=bias_from_data(chain, data, q, v))
 
 
 def _require_small(chain: ClosedChain, left: FloatArray, value: Tangent, name: str, remedy: str) -> None:

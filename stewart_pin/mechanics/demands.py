@@ -41,8 +41,10 @@ def pose_system(chain: ClosedChain, target: pin.SE3) -> System:
         jacobian = platform_jacobian(chain, data).copy()
         # d log3(R) = Jlog3(R) ω_body, with ω_body = Rᵀ ω_world of the error rotation.
         jacobian[3:] = pin.Jlog3(turn) @ turn.T @ jacobian[3:]
-        residual = np.concatenate([gap_from_data(chain, data), here.translation - target.translation, angle])
-        return residual, np.vstack([jacobian_from_data(chain, data), jacobian])
+        residual = np.concatenate(
+            [gap_from_data(chain, data, q), here.translation - target.translation, angle]
+        )
+        return residual, np.vstack([jacobian_from_data(chain, data, q), jacobian])
 
     sizes = np.concatenate([row_sizes(chain), np.full(3, chain.length_scale), np.ones(3)])
     return System(evaluate, sizes, "the pose")
@@ -66,8 +68,8 @@ def motor_system(chain: ClosedChain, target: FloatArray) -> System:
     rows = np.eye(chain.nv)[chain.motor_index]
 
     def evaluate(data: pin.Data, q: Configuration) -> tuple[FloatArray, FloatArray]:
-        residual = np.concatenate([gap_from_data(chain, data), q[chain.motor_q_index] - target])
-        return residual, np.vstack([jacobian_from_data(chain, data), rows])
+        residual = np.concatenate([gap_from_data(chain, data, q), q[chain.motor_q_index] - target])
+        return residual, np.vstack([jacobian_from_data(chain, data, q), rows])
 
     sizes = np.concatenate([row_sizes(chain), chain.tangent_scale[chain.motor_index]])
     return System(evaluate, sizes, "the motor positions")

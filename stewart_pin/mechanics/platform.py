@@ -28,7 +28,7 @@ def motion_matrix(chain: ClosedChain, q: Configuration) -> FloatArray:
     data = pin.Data(chain.model)
     pin.computeJointJacobians(chain.model, data, q)
     pin.updateFramePlacement(chain.model, data, chain.platform_id)
-    return np.vstack([jacobian_from_data(chain, data), platform_jacobian(chain, data)])
+    return np.vstack([jacobian_from_data(chain, data, q), platform_jacobian(chain, data)])
 
 
 def platform_bias(chain: ClosedChain, q: Configuration, v: Tangent) -> FloatArray:

@@ -11,7 +11,7 @@ import pinocchio as pin
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.rotations import as_rotation
-from stewart_pin.model.description import Loop, Mechanism, Report
+from stewart_pin.model.description import Coupling, Loop, Mechanism, Report
 from stewart_pin.model.leg_points import leg_points
 from stewart_pin.model.loop_table import LoopTable, build_loop_table
 from stewart_pin.model.tree import link_frame
@@ -61,6 +61,11 @@ class ClosedChain:
         return self.mechanism.loops
 
     @property
+    def couplings(self) -> tuple[Coupling, ...]:
+        """Joints that move together by gears, belts or threads."""
+        return self.mechanism.couplings
+
+    @property
     def report(self) -> Report:
         """What the file held and the chain does not; print it."""
         return Report(self.mechanism.notes)
@@ -82,7 +87,7 @@ class ClosedChain:
 
     @property
     def nc(self) -> int:
-        """Number of loop rows."""
+        """Number of rows of loops and couplings."""
         return self.loop_table.size
 
     @property

@@ -1,4 +1,4 @@
-"""Loops as arrays: where each loop frame sits on the Pinocchio tree, and the rows sorted by primitive."""
+"""Loops and couplings as arrays: where each sits on the Pinocchio tree, and the rows sorted by primitive."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from numpy.polynomial.polynomial import polyder, polyval
 
 from stewart_pin.model.description import Mechanism
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows
@@ -39,8 +40,52 @@ class RowGroup:
 
 
 @dataclass(frozen=True, eq=False)
+class CouplingRows:
+    """Rows ``q1 - p(q2) = 0``, one per coupling.
+
+    Attributes
+    ----------
+    index
+        (r,) index of each row among all loop rows.
+    q1, q2
+        (r,) indices of the joints in the configuration; q2 is -1 where there is no second joint.
+    v1, v2
+        (r,) indices of the joints in the tangent, likewise.
+    polynomial
+        (r, n) coefficients of p from the constant one on, padded with zeros [unit of joint 1 per power of that of 2].
+    """
+
+    index: np.ndarray
+    q1: np.ndarray
+    q2: np.ndarray
+    v1: np.ndarray
+    v2: np.ndarray
+    polynomial: FloatArray
+
+    def evaluate(self, q: FloatArray, order: int) -> FloatArray:
+        """Evaluate the polynomials or a derivative of theirs.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        order
+            0 for the values, 1 for the slopes, 2 for their rates.
+
+        Returns
+        -------
+        numpy.ndarray
+            (r,) where joint 1 should stand, or the derivative with respect to joint 2 [m or rad per power].
+        """
+        x = np.where(self.q2 >= 0, q[self.q2], 0.0) if self.index.size else np.zeros(0)
+        return np.array(
+            [polyval(at, polyder(c, order)) for at, c in zip(x, self.polynomial, strict=True)], dtype=float
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class LoopTable:
-    """All loops of a chain.
+    """All loops and couplings of a chain; the rows of the couplings come last.
 
     Attributes
     ----------
@@ -60,7 +105,9 @@ class LoopTable:
         (L, nv) signs, dimensionless: +1 where a tangent entry moves only frame 2, -1 where only frame 1, 0 where both
         or neither.
     normal, angle, rod
-        Rows by primitive.
+        Rows of loops by primitive.
+    coupling
+        Rows of couplings.
     """
 
     size: int
@@ -76,6 +123,7 @@ class LoopTable:
     normal: RowGroup
     angle: RowGroup
     rod: RowGroup
+    coupling: CouplingRows
 
 
 def build_loop_table(mechanism: Mechanism, model: pin.Model) -> LoopTable:
@@ -107,6 +155,8 @@ def build_loop_table(mechanism: Mechanism, model: pin.Model) -> LoopTable:
             groups[type(row)].append((start + k, number, row))
             names.append(f"{loop.name} row {k + 1}")
         slices.append(slice(start, len(names)))
+    first_coupling = len(names)
+    names += [coupling.name for coupling in mechanism.couplings]
     support = [np.array([_support(model, joint) for joint, _ in side]).reshape(-1, model.nv) for side in ends]
     return LoopTable(
         size=len(names),
@@ -122,6 +172,30 @@ def build_loop_table(mechanism: Mechanism, model: pin.Model) -> LoopTable:
         normal=_group(groups[NormalRow]),
         angle=_group(groups[AngleRow]),
         rod=_group(groups[LengthRow]),
+        coupling=_couplings(mechanism, model, first_coupling),
+    )
+
+
+def _couplings(mechanism: Mechanism, model: pin.Model, first: int) -> CouplingRows:
+    couplings = mechanism.couplings
+
+    def at(name: str | None) -> tuple[int, int]:
+        if name is None:
+            return -1, -1
+        joint = model.joints[model.getJointId(name)]
+        return joint.idx_q, joint.idx_v
+
+    ones = np.array([at(c.joint1) for c in couplings], dtype=int).reshape(-1, 2)
+    twos = np.array([at(c.joint2) for c in couplings], dtype=int).reshape(-1, 2)
+    width = max((len(c.polynomial) for c in couplings), default=1)
+    padded = [[*c.polynomial, *[0.0] * (width - len(c.polynomial))] for c in couplings]
+    return CouplingRows(
+        index=np.arange(first, first + len(couplings)),
+        q1=ones[:, 0],
+        q2=twos[:, 0],
+        v1=ones[:, 1],
+        v2=twos[:, 1],
+        polynomial=np.array(padded, dtype=float).reshape(-1, width),
     )
 
 

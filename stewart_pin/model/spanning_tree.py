@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import MechanismError
-from stewart_pin.model.description import LOOP_KINDS, Joint, JointKind, Loop, Note, Outcome
+from stewart_pin.model.description import LOOP_KINDS, Joint, Loop, Note, Outcome
 
 
 def cut_second_parents(
@@ -91,9 +92,14 @@ def loop_from_joint(joint: Joint, *, source: str = "") -> Loop:
             path=source,
             culprit=joint.name,
         )
-    axis = {"axis": joint.axis} if joint.kind in (JointKind.REVOLUTE, JointKind.PRISMATIC) else {}
     return Loop(
-        joint.name, joint.kind, joint.parent, joint.child, joint.placement, pin.SE3.Identity(), **axis
+        joint.name,
+        joint.kind,
+        joint.parent,
+        joint.child,
+        joint.placement,
+        pin.SE3.Identity(),
+        axis=joint.axis if joint.has_axis else np.array([0.0, 0.0, 1.0]),
     )
 
 

@@ -43,11 +43,13 @@ class _Validator:
         self._unique("link", (link.name for link in m.links))
         self._unique("joint", (joint.name for joint in m.joints))
         self._unique("loop", (loop.name for loop in m.loops))
+        self._unique("loop or coupling", (part.name for part in (*m.loops, *m.couplings)))
         for link in m.links:
             self._inertia(link)
         self._joints()
         self._tree()
         self._loops()
+        self._couplings()
         if m.platform is not None and m.platform not in self.links:
             raise self._error(
                 m.platform, f"platform names the missing link '{m.platform}'; {self._have_links()}"
@@ -182,6 +184,37 @@ class _Validator:
                 raise self._error(
                     loop.name,
                     f"loop '{loop.name}' keeps the distance {loop.length:g} m; give a <length value> above zero",
+                )
+
+    def _couplings(self) -> None:
+        joints = {joint.name: joint for joint in self.mechanism.joints}
+        for coupling in self.mechanism.couplings:
+            owner = f"coupling '{coupling.name}'"
+            for name in (coupling.joint1, coupling.joint2):
+                if name is None:
+                    continue
+                if name not in joints:
+                    raise self._error(
+                        coupling.name, f"{owner} names the missing joint '{name}'; correct the name"
+                    )
+                if not joints[name].has_axis:
+                    raise self._error(
+                        coupling.name,
+                        f"{owner} names joint '{name}' of type '{joints[name].kind}'; only joints of one freedom can "
+                        "be coupled",
+                    )
+            if coupling.joint1 == coupling.joint2:
+                raise self._error(coupling.name, f"{owner} couples joint '{coupling.joint1}' to itself")
+            numbers = np.asarray(coupling.polynomial, dtype=float)
+            if numbers.ndim != 1 or not numbers.size or not np.isfinite(numbers).all():
+                raise self._error(
+                    coupling.name,
+                    f"{owner} has the polynomial {coupling.polynomial}; give finite coefficients, constant first",
+                )
+            if coupling.joint2 is None and numbers[1:].any():
+                raise self._error(
+                    coupling.name,
+                    f"{owner} has no second joint, but a polynomial of one; give a constant alone",
                 )
 
 

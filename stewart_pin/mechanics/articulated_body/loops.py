@@ -8,6 +8,7 @@ from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion
 from stewart_pin.mechanics.articulated_body.bodies import tree_bodies
+from stewart_pin.mechanics.articulated_body.gears import coupling_rows, require_coupled
 from stewart_pin.mechanics.articulated_body.loop_wrenches import LoopWrenches, loop_wrenches
 from stewart_pin.mechanics.articulated_body.passes import first_pass, respond
 from stewart_pin.mechanics.effort import Motion
@@ -61,8 +62,8 @@ def closed_chain_articulated_body(
     Notes
     -----
     The tree with open loops answers several load cases in the same passes: the state itself, and a unit wrench pair on
-    each loop row. With A the relative accelerations that the unit wrenches cause and b those of the state, the loop
-    forces follow from A λ + b = 0 ([1]_, ch. 8, written with responses instead of matrices).
+    each row of a loop (a pair of joint efforts for a coupling). With A the relative accelerations that these cause and
+    b those of the state, the loop forces follow from A λ + b = 0 ([1]_, ch. 8, with responses instead of matrices).
 
     References
     ----------
@@ -75,6 +76,8 @@ def closed_chain_articulated_body(
     motion = first_pass(bodies, q, v, base_velocity)
     loops = [loop_wrenches(loop, bodies, motion) for loop in chain.loops]
     _require_closed(chain, loops, v)
+    gears = coupling_rows(chain, bodies, q, v)
+    require_coupled(chain, gears, v)
 
     # Case 0 is the state with open loops, case k a unit force of row k alone, at rest and without gravity.
     cases = 1 + chain.nc
@@ -82,6 +85,8 @@ def closed_chain_articulated_body(
     tau[chain.motor_index, 0] = tau_motor
     bias, product = np.zeros((2, len(bodies), 6, cases))
     bias[:, :, 0], product[:, :, 0] = motion.bias, motion.velocity_product
+    # A gear's unit force is a pair of joint efforts.
+    tau[:, cases - gears.jacobian.shape[0] :] = gears.jacobian.T
     base = np.zeros((6, cases))
     base[:, 0] = base_acceleration
     start = 1
@@ -92,12 +97,15 @@ def closed_chain_articulated_body(
         bias[loop.body1][:, columns] += loop.wrench1
         start = columns.stop
     response = respond(bodies, motion.to_parent, tau, bias, product, base)
-    if not loops:
+    if not chain.nc:
         return Motion(a=np.ascontiguousarray(response.joint[:, 0]), lambda_c=np.zeros(0))
     relative = np.vstack(
-        [x.wrench2.T @ response.body[x.body2] - x.wrench1.T @ response.body[x.body1] for x in loops]
+        [
+            *(x.wrench2.T @ response.body[x.body2] - x.wrench1.T @ response.body[x.body1] for x in loops),
+            gears.jacobian @ response.joint,
+        ]
     )
-    open_loops = relative[:, 0] + np.concatenate([loop.bias for loop in loops])
+    open_loops = relative[:, 0] + np.concatenate([*(loop.bias for loop in loops), gears.bias])
     lambda_c = -np.linalg.lstsq(relative[:, 1:], open_loops, rcond=_RANK)[0]
     return Motion(a=response.joint[:, 0] + response.joint[:, 1:] @ lambda_c, lambda_c=lambda_c)
 

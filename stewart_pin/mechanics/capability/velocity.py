@@ -114,7 +114,7 @@ def closed_configuration(chain: ClosedChain, q: ArrayLike) -> Configuration:
     q = as_configuration(chain, "q", q)
     data = pin.Data(chain.model)
     pin.forwardKinematics(chain.model, data, q)
-    gap = float(np.abs(gap_from_data(chain, data)).max(initial=0.0))
+    gap = float(np.abs(gap_from_data(chain, data, q)).max(initial=0.0))
     if gap > _CLOSED * chain.length_scale:
         raise InputError(f"q does not close the loops: {gap:.3g} is left over; see close_loops")
     return q

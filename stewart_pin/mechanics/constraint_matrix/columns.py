@@ -117,17 +117,17 @@ def passive_columns(freedoms: Freedoms) -> Columns:
     return Columns(wrenches, wrenches.T @ freedoms.bias)
 
 
-def motor_column(freedoms: Freedoms, entry: int, acceleration: float) -> Columns:
-    """Build the column of a motor: unit effort on its own freedom, none on the others of the joint.
+def effort_column(freedoms: Freedoms, entry: int, acceleration: float) -> Columns:
+    """Build the column of a motor or gear: unit effort on its own freedom, none on the others of the joint.
 
     Where massless links join several freedoms in one joint, they must differ: see `Raises`.
 
     Parameters
     ----------
     freedoms
-        Motion axes of the compound joint that holds the motor.
+        Motion axes of the compound joint that holds the driven one.
     entry
-        Tangent entry of the motor.
+        Tangent entry of the driven joint.
     acceleration
         Its demanded acceleration [m/s² or rad/s²].
 
@@ -139,14 +139,14 @@ def motor_column(freedoms: Freedoms, entry: int, acceleration: float) -> Columns
     Raises
     ------
     SingularityError
-        If the freedoms of the joint do not differ here (gimbal lock): what its motor does is then undetermined.
+        If the freedoms of the joint do not differ here (gimbal lock): what the effort does is then undetermined.
     """
     axes = motion_about(freedoms.origin, freedoms.axes)
     # Sizes of the axes do not matter to whether they differ.
     smallest = float(np.linalg.svd(axes / np.linalg.norm(axes, axis=0), compute_uv=False)[-1])
     if axes.shape[1] > 6 or smallest < _DISTINCT:
         raise SingularityError(
-            f"{axes.shape[1]} joints in a row without a body between them, one of them a motor, share their motions "
+            f"{axes.shape[1]} joints in a row without a body between them, one of them driven, share their motions "
             f"here (smallest singular value {smallest:.3g}); move away from this configuration, or give the links "
             "between them mass",
             smallest_singular_value=smallest,

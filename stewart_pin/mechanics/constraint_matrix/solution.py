@@ -10,11 +10,12 @@ from scipy.linalg import get_lapack_funcs
 from stewart_pin.checks import as_array
 from stewart_pin.errors import ActuationError, InputError
 from stewart_pin.mechanics.constraint_matrix.columns import loop_openings
+from stewart_pin.mechanics.constraint_matrix.couplings import coupling_opening
 from stewart_pin.mechanics.constraint_matrix.spatial import motion_about
 from stewart_pin.mechanics.constraint_matrix.system import AssembledSystem, ConstraintMatrixSystem, assemble
 from stewart_pin.mechanics.effort import Effort
 from stewart_pin.model.chain import ClosedChain, as_configuration
-from stewart_pin.typing import ArrayLike, FloatArray, Tangent
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 _RANK = 1e-11
 """Singular values below this, relative to the largest, count as zero: a hundred times the round-off of so many rows,
@@ -70,6 +71,7 @@ def constraint_matrix_inverse_dynamics(
     assembled = assemble(chain, q, v, a)
     system = assembled.system
     _require_consistent(chain, assembled, a)
+    _require_coupled(chain, q, v, a)
     n_bodies = system.f_p.size
     solution = _solve(system, chain.length_scale)
     motors = slice(solution.unknowns.size - chain.nu, solution.unknowns.size)
@@ -171,6 +173,18 @@ def _require_consistent(chain: ClosedChain, assembled: AssembledSystem, a: Tange
             if worst > _CONSISTENT * max(1.0, float(np.abs(size).max())):
                 raise InputError(
                     f"{what} does not keep loop '{joint.name}' closed: {worst:.3g} is left over; see platform_motion"
+                )
+
+
+def _require_coupled(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent) -> None:
+    for coupling in chain.couplings:
+        opening = coupling_opening(chain, coupling, q, v, a)
+        entry = chain.model.joints[chain.model.getJointId(coupling.joint1)].idx_v
+        for what, left, size in zip("qva", opening, (np.zeros(1), v, a), strict=True):
+            if abs(left) > _CONSISTENT * chain.tangent_scale[entry] * max(1.0, float(np.abs(size).max())):
+                raise InputError(
+                    f"{what} does not keep coupling '{coupling.name}' of joint '{coupling.joint1}': {left:.3g} is left "
+                    "over; see close_loops and platform_motion"
                 )
 
 

@@ -8,6 +8,7 @@ motor efforts.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,10 +20,11 @@ from stewart_pin.mechanics.constraint_matrix.columns import (
     Columns,
     Freedoms,
     compound_freedoms,
+    effort_column,
     loop_columns,
-    motor_column,
     passive_columns,
 )
+from stewart_pin.mechanics.constraint_matrix.couplings import coupling_parts
 from stewart_pin.mechanics.constraint_matrix.kinematics import JointMotion, LinkMotion, tree_motion
 from stewart_pin.mechanics.constraint_matrix.spatial import cross_force, spatial_inertia
 from stewart_pin.mechanics.constraint_matrix.topology import Topology, topology
@@ -48,7 +50,7 @@ class ConstraintMatrixSystem:
     bodies
         Names of the bodies, six rows each; the ground first.
     joints
-        Names of the joints: ground, tree joints outwards, loops, motors.
+        Names of the joints: ground, tree joints outwards, loops, couplings, motors.
     kinds
         Kind of each joint: ground, universal, prismatic, spherical, ..., motor.
     columns
@@ -170,10 +172,13 @@ def assemble(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent) -> As
     for loop in layout.loops:
         columns = loop_columns(loop.loop, links[loop.loop.link1], links[loop.loop.link2])
         blocks.add(loop.name, str(loop.loop.kind), number[loop.predecessor], number[loop.successor], columns)
+    for coupling in layout.couplings:
+        parts = coupling_parts(chain, coupling, layout, freedoms, number, q, v)
+        blocks.add_parts(coupling.name, "coupling", parts)
     for motor, entry in zip(chain.motors, chain.motor_index, strict=True):
-        at = next(k for k, c in enumerate(layout.tree) if any(part.name == motor for part in c.parts))
+        at = layout.compound(motor)
         compound = layout.tree[at]
-        columns = motor_column(freedoms[at], entry, float(a[entry]))
+        columns = effort_column(freedoms[at], entry, float(a[entry]))
         blocks.add(
             f"motor {motor}", "motor", number[compound.predecessor], number[compound.successor], columns
         )
@@ -204,17 +209,22 @@ class _Blocks:
         self._width = 0
 
     def add(self, name: str, kind: str, predecessor: int | None, successor: int, columns: Columns) -> None:
-        n = columns.acceleration.size
+        self.add_parts(name, kind, [(predecessor, successor, columns)])
+
+    def add_parts(self, name: str, kind: str, parts: Sequence[tuple[int | None, int, Columns]]) -> None:
+        """Add columns that act between several pairs of bodies; their demands add up."""
+        n = parts[0][2].acceleration.size
         self.names.append(name)
         self.kinds.append(kind)
         self.slices.append(slice(self._width, self._width + n))
-        self.demands.append(columns.acceleration)
-        for body, sign in ((predecessor, -1.0), (successor, 1.0)):
-            if body is not None:
-                rows, cols = np.divmod(np.arange(6 * n), n)
-                self._rows.append(6 * body + rows)
-                self._columns.append(self._width + cols)
-                self._values.append(sign * columns.wrenches.ravel())
+        self.demands.append(np.sum([columns.acceleration for _, _, columns in parts], axis=0))
+        for predecessor, successor, columns in parts:
+            for body, sign in ((predecessor, -1.0), (successor, 1.0)):
+                if body is not None:
+                    rows, cols = np.divmod(np.arange(6 * n), n)
+                    self._rows.append(6 * body + rows)
+                    self._columns.append(self._width + cols)
+                    self._values.append(sign * columns.wrenches.ravel())
         self._width += n
 
     def matrix(self, height: int) -> scipy.sparse.csc_array:

@@ -12,7 +12,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 from functools import lru_cache
 
-from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
+from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +75,29 @@ class Topology:
         Compound joints, by their distance from the ground.
     loops
         Loop closures.
+    couplings
+        Joints that move together.
     """
 
     bodies: tuple[Link, ...]
     tree: tuple[CompoundJoint, ...]
     loops: tuple[LoopJoint, ...]
+    couplings: tuple[Coupling, ...] = ()
+
+    def compound(self, joint: str) -> int:
+        """Find the compound joint that a tree joint is part of.
+
+        Parameters
+        ----------
+        joint
+            Name of the tree joint.
+
+        Returns
+        -------
+        int
+            Its index in `tree`.
+        """
+        return next(k for k, c in enumerate(self.tree) if any(part.name == joint for part in c.parts))
 
 
 @lru_cache(maxsize=64)
@@ -106,7 +124,9 @@ def topology(mechanism: Mechanism, motors: tuple[str, ...], platform: str) -> To
 class _Sorter:
     def __init__(self, mechanism: Mechanism, motors: tuple[str, ...], platform: str) -> None:
         self.mechanism = mechanism
-        self.motors = set(motors)
+        # A coupling acts on a joint's own freedom as a motor does.
+        coupled = {name for c in mechanism.couplings for name in (c.joint1, c.joint2) if name is not None}
+        self.motors = {*motors, *coupled}
         self.platform = platform
         self.parent = {joint.child: joint for joint in mechanism.joints}
         self.children: dict[str, list[Joint]] = defaultdict(list)
@@ -135,6 +155,7 @@ class _Sorter:
                 LoopJoint(loop.name, self._carrier(loop.link1), self._carrier(loop.link2), loop)
                 for loop in self.mechanism.loops
             ),
+            couplings=self.mechanism.couplings,
         )
 
     def _promote_branching_links(self) -> None:
