@@ -1,0 +1,345 @@
+"""Elimination with pivots that are chosen once, on samples, and then kept.
+
+A straight-line program cannot choose pivots by value. Samples of the matrix tell which entries vanish always, which
+entries are safe to divide by, and how far the columns are independent; among safe entries the one that fills in
+least is taken, so that legs are eliminated one by one without being named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.typing import FloatArray
+
+_ZERO = 1e-11
+"""Entries below this, relative to their column before elimination, are round-off at every sample."""
+_SAFE = 0.1
+"""Share of the largest entry of its column that a pivot must have at every sample, where some entry has."""
+
+Rows = list[dict[int, ca.SX]]
+
+
+@dataclass(frozen=True, eq=False)
+class Pivots:
+    """An order of elimination.
+
+    Attributes
+    ----------
+    places
+        (row, column) of each pivot, in order.
+    vanishing
+        Entries that are zero before elimination though their expressions are not.
+    dropped
+        For each pivot, the entries that vanish by it in the other rows.
+    score
+        Smallest pivot relative to the largest entry of its column, over all pivots and samples.
+    rows
+        Rows that are left over.
+    columns
+        Columns that depend on the others.
+    """
+
+    places: tuple[tuple[int, int], ...]
+    vanishing: frozenset[tuple[int, int]]
+    dropped: tuple[frozenset[tuple[int, int]], ...]
+    score: float
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+
+
+def plan_pivots(values: FloatArray, columns: list[int], *, last_rows: tuple[int, ...] = ()) -> Pivots:
+    """Choose pivots.
+
+    Parameters
+    ----------
+    values
+        (samples, m, n) the matrix at samples, rows and columns scaled to equal units, dimensionless.
+    columns
+        Columns to eliminate.
+    last_rows
+        Rows to be used only where no other will do.
+
+    Returns
+    -------
+    Pivots
+        Order of elimination; entries that vanish at all samples are taken for zero.
+    """
+    work = values.copy()
+    size = np.abs(values).max(axis=(0, 1))
+    vanishing = _dropped(work, size)
+    rows, left = list(range(values.shape[1])), list(columns)
+    places, dropped, score = [], [], np.inf
+    while left and rows:
+        occupied = np.abs(work).max(axis=0) > 0
+        best, quality = _next_pivot(work, occupied, rows, left, set(last_rows))
+        if best is None:
+            break
+        i, j = best
+        score = min(score, quality)
+        rows.remove(i)
+        left.remove(j)
+        places.append(best)
+        for r in rows:
+            if occupied[r, j]:
+                work[:, r] -= (work[:, r, j] / work[:, i, j])[:, None] * work[:, i]
+                work[:, r, j] = 0.0
+        dropped.append(_dropped(work, size))
+    return Pivots(tuple(places), vanishing, tuple(dropped), float(score), tuple(rows), tuple(left))
+
+
+def _dropped(work: FloatArray, size: FloatArray) -> frozenset[tuple[int, int]]:
+    """Set entries that are round-off at every sample to zero, and say which."""
+    gone = np.abs(work).max(axis=0) <= _ZERO * size
+    work[:, gone] = 0.0
+    return frozenset((int(r), int(c)) for r, c in zip(*np.nonzero(gone), strict=True))
+
+
+def _next_pivot(
+    work: FloatArray, occupied: np.ndarray, rows: list[int], columns: list[int], last: set[int]
+) -> tuple[tuple[int, int] | None, float]:
+    """Among the safe entries the one that fills in least; where none is safe, the safest."""
+    count = occupied[np.ix_(rows, columns)]
+    in_row, in_column = count.sum(axis=1), count.sum(axis=0)
+    best, chosen, quality = None, (np.inf,) * 4, 0.0
+    for b, j in enumerate(columns):
+        largest = np.abs(work[:, rows, j]).max(axis=1)
+        if not (largest > 0).all():
+            continue
+        for a, i in enumerate(rows):
+            if not count[a, b]:
+                continue
+            entry = float((np.abs(work[:, i, j]) / largest).min())
+            fill = (in_row[a] - 1) * (in_column[b] - 1)
+            key = (float(i in last), 0.0, fill, -entry) if entry >= _SAFE else (2.0, -entry, fill, 0.0)
+            if key < chosen:
+                best, chosen, quality = (i, j), key, entry
+    return best, quality
+
+
+class Elimination:
+    """A matrix of expressions, reduced by planned pivots; right-hand sides may follow.
+
+    Parameters
+    ----------
+    matrix
+        (m, n) expressions.
+    pivots
+        Order of elimination.
+    """
+
+    def __init__(self, matrix: ca.SX, pivots: Pivots) -> None:
+        self.pivots = pivots
+        self.rows = rows_of(matrix)
+        self.factors: list[list[tuple[int, ca.SX]]] = []
+        left = set(range(matrix.shape[0]))
+        self._drop(pivots.vanishing)
+        for (i, j), dropped in zip(pivots.places, pivots.dropped, strict=True):
+            left.discard(i)
+            pivot, factors = self.rows[i], []
+            for r in sorted(left):
+                if j in self.rows[r]:
+                    factor = self.rows[r].pop(j) / pivot[j]
+                    factors.append((r, factor))
+                    for c, entry in pivot.items():
+                        if c != j:
+                            self.rows[r][c] = self.rows[r].get(c, ca.SX(0)) - factor * entry
+            self._drop(dropped)
+            self.factors.append(factors)
+
+    def _drop(self, places: frozenset[tuple[int, int]]) -> None:
+        for r, c in places:
+            self.rows[r].pop(c, None)
+
+    def forward(self, right: ca.SX) -> ca.SX:
+        """Carry right-hand sides through the elimination.
+
+        Parameters
+        ----------
+        right
+            (m, k) right-hand sides.
+
+        Returns
+        -------
+        casadi.SX
+            (m, k); the rows left over no longer contain the eliminated unknowns.
+        """
+        right = ca.SX(right)
+        for (i, _), factors in zip(self.pivots.places, self.factors, strict=True):
+            for r, factor in factors:
+                right[r, :] = right[r, :] - factor * right[i, :]
+        return right
+
+    def back(self, right: ca.SX, known: dict[int, ca.SX]) -> dict[int, ca.SX]:
+        """Find the eliminated unknowns.
+
+        Parameters
+        ----------
+        right
+            (m, k) right-hand sides after `forward`.
+        known
+            ``{column: (1, k)}`` values of the other unknowns; those that are missing are zero.
+
+        Returns
+        -------
+        dict
+            ``{column: (1, k)}`` values of all unknowns.
+        """
+        values = dict(known)
+        for i, j in reversed(self.pivots.places):
+            rest = right[i, :]
+            for c, entry in self.rows[i].items():
+                if c != j and c in values:
+                    rest = rest - entry * values[c]
+            values[j] = rest / self.rows[i][j]
+        return values
+
+    def transposed(self, right: ca.SX) -> ca.SX:
+        """Solve the transposed system with the rows that are left over at zero.
+
+        Parameters
+        ----------
+        right
+            (n, 1) right-hand sides, one for each column; those of dependent columns are not used.
+
+        Returns
+        -------
+        casadi.SX
+            (m, 1) x with ``matrixᵀ x = right``.
+        """
+        x = ca.SX.zeros(len(self.rows))
+        before: list[int] = []
+        for i, j in self.pivots.places:
+            rest = right[j]
+            for r in before:
+                if j in self.rows[r]:
+                    rest = rest - self.rows[r][j] * x[r]
+            x[i] = rest / self.rows[i][j]
+            before.append(i)
+        # The elimination steps, transposed, in reverse order.
+        for (i, _), factors in zip(reversed(self.pivots.places), reversed(self.factors), strict=True):
+            for r, factor in factors:
+                x[i] = x[i] - factor * x[r]
+        return x
+
+
+def solve_symmetric(
+    matrix: ca.SX, right: ca.SX, values: FloatArray
+) -> tuple[list[ca.SX], tuple[int, ...], float]:
+    """Solve a symmetric system that is positive semidefinite, by L D Lᵀ.
+
+    Parameters
+    ----------
+    matrix
+        (n, n) expressions.
+    right
+        (n, 1) right-hand side.
+    values
+        (samples, n, n) the matrix at samples, in equal units, dimensionless.
+
+    Returns
+    -------
+    solution : list of casadi.SX
+        n unknowns; those without a pivot are zero.
+    dropped : tuple of int
+        The unknowns without a pivot.
+    score : float
+        Smallest pivot relative to its diagonal entry before elimination.
+    """
+    n = matrix.shape[0]
+    work, rows = values.copy(), rows_of(matrix)
+    scale = np.abs(values).max(axis=(0, 1, 2), initial=0.0)
+    start = np.abs(np.einsum("kii->ki", values)).max(axis=0, initial=0.0)
+    right, left = ca.SX(right), [k for k in range(n) if start[k] > _ZERO * scale]
+    dropped = [k for k in range(n) if k not in left]
+    places: list[int] = []
+    score = np.inf
+    while left:
+        # Positive definite matrices need no order for their round-off; this one keeps it for rank.
+        quality = [float((work[:, k, k] / np.maximum(values[:, k, k], 1e-300)).min()) for k in left]
+        best = int(np.argmax(quality)) if min(quality) < _ZERO else 0
+        if quality[best] < _ZERO:
+            dropped += left
+            break
+        k = left.pop(best)
+        score = min(score, quality[best])
+        places.append(k)
+        for r in left:
+            if k not in rows[r]:
+                continue
+            factor = rows[r][k] / rows[k][k]
+            right[r] = right[r] - factor * right[k]
+            for c in left:
+                if c >= r and k in rows[c]:
+                    entry = rows[r].get(c, ca.SX(0)) - factor * rows[c][k]
+                    rows[r][c] = rows[c][r] = entry
+            work[:, r] -= (work[:, r, k] / work[:, k, k])[:, None] * work[:, k]
+    solution = [ca.SX(0)] * n
+    done: list[int] = []
+    for k in reversed(places):
+        rest = right[k]
+        for c in done:
+            if c in rows[k]:
+                rest = rest - rows[k][c] * solution[c]
+        solution[k] = rest / rows[k][k]
+        done.append(k)
+    return solution, tuple(sorted(dropped)), float(score)
+
+
+def rows_of(matrix: ca.SX) -> Rows:
+    """Split a matrix into rows of the entries that are not zero.
+
+    Parameters
+    ----------
+    matrix
+        (m, n) expressions.
+
+    Returns
+    -------
+    list of dict
+        ``{column: entry}`` for each row.
+    """
+    rows: Rows = [{} for _ in range(matrix.shape[0])]
+    for r in range(matrix.shape[0]):
+        for c in range(matrix.shape[1]):
+            if not matrix[r, c].is_zero():
+                rows[r][c] = matrix[r, c]
+    return rows
+
+
+def solve_square(matrix: ca.SX, right: ca.SX, values: FloatArray, what: str) -> tuple[ca.SX, float]:
+    """Solve a square system.
+
+    Parameters
+    ----------
+    matrix
+        (n, n) expressions.
+    right
+        (n, k) right-hand sides.
+    values
+        (samples, n, n) the matrix at samples, in equal units, dimensionless.
+    what
+        What the system determines, for the message.
+
+    Returns
+    -------
+    solution : casadi.SX
+        (n, k).
+    score : float
+        Of the pivots.
+
+    Raises
+    ------
+    UnsupportedError
+        If the system is singular at the samples.
+    """
+    n = matrix.shape[0]
+    pivots = plan_pivots(values, list(range(n)))
+    if len(pivots.places) < n:
+        raise UnsupportedError(f"{what} is not determined: {n - len(pivots.places)} freedom(s) are left over")
+    reduced = Elimination(matrix, pivots)
+    found = reduced.back(reduced.forward(right), {})
+    return ca.vertcat(*(found[k] for k in range(n))), pivots.score

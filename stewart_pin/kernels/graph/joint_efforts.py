@@ -1,0 +1,147 @@
+"""From wrenches on the bodies to efforts of the joints: the backward pass of Newton and Euler."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import casadi as ca
+import numpy as np
+
+from stewart_pin.kernels.graph.joint_motion import Motions, Placements
+from stewart_pin.kernels.spatial import constant, couple, inertial_force
+from stewart_pin.kernels.tree import Tree, TreeJoint
+from stewart_pin.model.description import JointKind
+
+Wrench = tuple[ca.SX, ca.SX]
+"""Force and moment about the body's origin, (3, k) each, in the body's axes."""
+
+
+def tree_efforts(tree: Tree, at: Placements, moving: Motions) -> ca.SX:
+    """Compute the joint efforts that make the tree move as it does.
+
+    Parameters
+    ----------
+    tree
+        Constants.
+    at
+        Placements of the bodies.
+    moving
+        Motions of the bodies, gravity among their accelerations.
+
+    Returns
+    -------
+    casadi.SX
+        (nv, 1) efforts of all joints.
+    """
+    return efforts_of_wrenches(tree, at, inertial_wrenches(tree, moving), 1)
+
+
+def inertial_wrenches(tree: Tree, moving: Motions) -> dict[int, Wrench]:
+    """Compute the wrenches that make the bodies move as they do.
+
+    Parameters
+    ----------
+    tree
+        Constants.
+    moving
+        Motions of the bodies, gravity among their accelerations.
+
+    Returns
+    -------
+    dict
+        ``{body: (force, moment)}`` of the bodies that need one.
+    """
+    # A prismatic joint hands a couple on unchanged: bodies that slide on each other turn as one.
+    second = [np.zeros((3, 3)), *(joint.masses.second for joint in tree.joints)]
+    for k in range(len(tree.joints), 0, -1):
+        joint = tree.joints[k - 1]
+        if joint.kind is JointKind.PRISMATIC and joint.parent:
+            second[joint.parent] = second[joint.parent] + joint.rotation @ second[k] @ joint.rotation.T
+            second[k] = np.zeros((3, 3))
+    wrenches: dict[int, Wrench] = {}
+    for k, joint in enumerate(tree.joints, start=1):
+        if not joint.masses.empty or second[k].any():
+            force, moment = inertial_force(joint.masses, moving.acceleration[k], moving.turning[k])
+            wrenches[k] = force, moment + couple(moving.turning[k], constant(second[k]))
+    return wrenches
+
+
+def efforts_of_wrenches(tree: Tree, at: Placements, wrenches: Mapping[int, Wrench], columns: int) -> ca.SX:
+    """Carry wrenches down the tree.
+
+    Parameters
+    ----------
+    tree
+        Constants.
+    at
+        Placements of the bodies.
+    wrenches
+        ``{body: (force, moment)}`` that act on the bodies, several columns at once.
+    columns
+        Number of columns.
+
+    Returns
+    -------
+    casadi.SX
+        (nv, columns) joint efforts that do the same work.
+    """
+    carried = dict(wrenches)
+    efforts = ca.SX(tree.nv, columns)
+    for k in range(len(tree.joints), 0, -1):
+        if k not in carried:
+            continue
+        joint = tree.joints[k - 1]
+        force, moment = carried.pop(k)
+        efforts[joint.v, :] = joint_effort(joint, force, moment)
+        if joint.parent:
+            force = at.to_parent[k] @ force
+            moment = at.to_parent[k] @ moment + moments_of(at.origin[k], force)
+            if joint.parent in carried:
+                beside = carried[joint.parent]
+                force, moment = force + beside[0], moment + beside[1]
+            carried[joint.parent] = force, moment
+    return efforts
+
+
+def joint_effort(joint: TreeJoint, force: ca.SX, moment: ca.SX) -> ca.SX:
+    """Project a wrench on the motions of a joint.
+
+    Parameters
+    ----------
+    joint
+        The joint.
+    force, moment
+        (3, k) about the origin of the joint frame, in the child's axes.
+
+    Returns
+    -------
+    casadi.SX
+        (1, 3 or 6, k) efforts.
+    """
+    match joint.kind:
+        case JointKind.REVOLUTE:
+            return constant(joint.axis).T @ moment
+        case JointKind.PRISMATIC:
+            return constant(joint.axis).T @ force
+        case JointKind.SPHERICAL:
+            return moment
+        case _:
+            return ca.vertcat(force, moment)
+
+
+def moments_of(arm: ca.SX, forces: ca.SX) -> ca.SX:
+    """Take moments of several forces at one point.
+
+    Parameters
+    ----------
+    arm
+        (3, 1) point [m].
+    forces
+        (3, k) forces.
+
+    Returns
+    -------
+    casadi.SX
+        (3, k).
+    """
+    return ca.horzcat(*(ca.cross(arm, forces[:, k]) for k in range(forces.shape[1])))

@@ -1,0 +1,180 @@
+"""Motion of every body of the tree, from its joints, each in its own axes.
+
+Accelerations are classical ones of the body's origin, less that of free fall, so that no velocity of an origin
+enters the dynamics. Where Pinocchio's spatial acceleration of a floating joint enters, ω × v is added.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+
+from stewart_pin.kernels.spatial import (
+    constant,
+    rotation_constant,
+    signed_permutation,
+    turn_about,
+    turn_from_quaternion,
+    turning_matrix,
+)
+from stewart_pin.kernels.tree import Tree, TreeJoint
+from stewart_pin.model.description import JointKind
+
+
+@dataclass(frozen=True, eq=False)
+class Placements:
+    """Where every body is; entry 0 is the ground.
+
+    Attributes
+    ----------
+    to_parent
+        (3, 3) rotation of each body in its parent.
+    origin
+        (3, 1) of each body in its parent [m].
+    to_world
+        (3, 3) rotation of each body in the world.
+    in_world
+        (3, 1) origin of each body in the world [m].
+    """
+
+    to_parent: tuple[ca.SX, ...]
+    origin: tuple[ca.SX, ...]
+    to_world: tuple[ca.SX, ...]
+    in_world: tuple[ca.SX, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """How every body moves, in its own axes; entry 0 is the ground.
+
+    Attributes
+    ----------
+    omega
+        (3, 1) angular velocities [rad/s].
+    omega_rate
+        (3, 1) angular accelerations [rad/s²].
+    velocity
+        (3, 1) of the origins [m/s].
+    acceleration
+        (3, 1) of the origins, less that of free fall [m/s²].
+    turning
+        (3, 3) `turning_matrix` of each [1/s²].
+    """
+
+    omega: tuple[ca.SX, ...]
+    omega_rate: tuple[ca.SX, ...]
+    velocity: tuple[ca.SX, ...]
+    acceleration: tuple[ca.SX, ...]
+    turning: tuple[ca.SX, ...]
+
+
+def placements(tree: Tree, q: ca.SX) -> Placements:
+    """Place every body.
+
+    Parameters
+    ----------
+    tree
+        Constants.
+    q
+        (nq, 1) configuration, quaternions of unit length.
+
+    Returns
+    -------
+    Placements
+        Of ground and bodies.
+    """
+    to_parent, origin = [ca.SX.eye(3)], [ca.SX.zeros(3)]
+    to_world, in_world = [ca.SX.eye(3)], [ca.SX.zeros(3)]
+    for joint in tree.joints:
+        turn, shift = _joint_placement(joint, q[joint.q])
+        to_parent.append(rotation_constant(joint.rotation) @ turn)
+        origin.append(constant(joint.translation) + rotation_constant(joint.rotation) @ shift)
+        to_world.append(to_world[joint.parent] @ to_parent[-1])
+        in_world.append(in_world[joint.parent] + to_world[joint.parent] @ origin[-1])
+    return Placements(tuple(to_parent), tuple(origin), tuple(to_world), tuple(in_world))
+
+
+def motions(tree: Tree, at: Placements, v: ca.SX, a: ca.SX, gravity: ca.SX) -> Motions:
+    """Move every body.
+
+    Parameters
+    ----------
+    tree
+        Constants.
+    at
+        Placements of the bodies.
+    v, a
+        (nv, 1) tangent velocity and acceleration, Pinocchio's convention.
+    gravity
+        (3, 1) acceleration of free fall in world axes [m/s²].
+
+    Returns
+    -------
+    Motions
+        Of ground and bodies.
+    """
+    zero = ca.SX.zeros(3)
+    omega, omega_rate, velocity, acceleration = [zero], [zero], [zero], [-gravity]
+    turning = [ca.SX.zeros(3, 3)]
+    for k, joint in enumerate(tree.joints, start=1):
+        parent, back, arm = joint.parent, at.to_parent[k].T, at.origin[k]
+        slide, turn = joint_velocity(joint, v[joint.v])
+        slide_rate, turn_rate = joint_velocity(joint, a[joint.v])
+        if joint.kind is JointKind.FLOATING:
+            slide_rate = slide_rate + ca.cross(turn, slide)
+        carried = back @ omega[parent]
+        omega.append(carried + turn)
+        omega_rate.append(back @ omega_rate[parent] + ca.cross(carried, turn) + turn_rate)
+        velocity.append(back @ (velocity[parent] + ca.cross(omega[parent], arm)) + slide)
+        acceleration.append(
+            back @ (acceleration[parent] + turning[parent] @ arm) + 2 * ca.cross(carried, slide) + slide_rate
+        )
+        turning.append(_turning(joint, back, turning[parent], omega[-1], omega_rate[-1]))
+    return Motions(*map(tuple, (omega, omega_rate, velocity, acceleration, turning)))
+
+
+def _turning(joint: TreeJoint, back: ca.SX, parent: ca.SX, omega: ca.SX, omega_rate: ca.SX) -> ca.SX:
+    """Matrix of accelerations; a body that only slides on another one, with equal axes, has that one's."""
+    if joint.kind is JointKind.PRISMATIC and signed_permutation(joint.rotation):
+        return back @ parent @ back.T
+    return turning_matrix(omega, omega_rate)
+
+
+def joint_velocity(joint: TreeJoint, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Split the tangent entries of a joint into linear and angular velocity of the child, in its axes.
+
+    Parameters
+    ----------
+    joint
+        The joint.
+    rates
+        Its tangent entries.
+
+    Returns
+    -------
+    linear, angular : casadi.SX
+        (3, 1) each.
+    """
+    zero = ca.SX.zeros(3)
+    match joint.kind:
+        case JointKind.REVOLUTE:
+            return zero, constant(joint.axis) * rates
+        case JointKind.PRISMATIC:
+            return constant(joint.axis) * rates, zero
+        case JointKind.SPHERICAL:
+            return zero, rates
+        case _:
+            return rates[:3], rates[3:]
+
+
+def _joint_placement(joint: TreeJoint, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+    match joint.kind:
+        case JointKind.REVOLUTE:
+            return turn_about(joint.axis, ca.cos(q), ca.sin(q)), ca.SX.zeros(3)
+        case JointKind.PRISMATIC:
+            return ca.SX.eye(3), constant(joint.axis) * q
+        case JointKind.SPHERICAL:
+            return turn_from_quaternion(q), ca.SX.zeros(3)
+        case _:
+            return turn_from_quaternion(q[3:]), q[:3]

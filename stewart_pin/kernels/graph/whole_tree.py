@@ -1,0 +1,277 @@
+"""Inverse and forward dynamics of any chain from the whole state (q, v, a) of its spanning tree.
+
+The laws are those of `stewart_pin.mechanics.constrained`, written out: N spans the motions that keep the loops
+closed, the motor efforts follow from Nᵀ Sᵀ tau_motor = Nᵀ (M a + nle), the reactions from the rest. Redundant motors
+share by least norm; idle freedoms obey their own inertia, whatever the demand asks of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from stewart_pin.closure.equations import row_sizes
+from stewart_pin.errors import SingularityError
+from stewart_pin.kernels.elimination import Elimination, Pivots, plan_pivots, solve_square, solve_symmetric
+from stewart_pin.kernels.graph.joint_efforts import tree_efforts
+from stewart_pin.kernels.graph.joint_motion import Placements, motions, placements
+from stewart_pin.kernels.graph.loop_rows import LoopColumns, loop_bias, loop_columns
+from stewart_pin.kernels.samples import at_samples, closed_samples
+from stewart_pin.kernels.spatial import constant
+from stewart_pin.kernels.tree import Tree, tree_of
+from stewart_pin.mechanics.constrained import require_held
+from stewart_pin.mechanics.freedom import analyse_freedom
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.typing import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedTree:
+    """A chain at a symbolic configuration, its loop rows eliminated.
+
+    Attributes
+    ----------
+    chain
+        The chain.
+    tree
+        Its constants.
+    q
+        (nq, 1) symbols.
+    at
+        Placements of the bodies.
+    columns
+        Loop rows.
+    reduced
+        Loop rows, eliminated.
+    motions
+        (nv, dof) N, motions that keep the loops closed.
+    samples
+        (samples, nq) configurations that the pivots were chosen on [m, rad, unit quaternions].
+    """
+
+    chain: ClosedChain
+    tree: Tree
+    q: ca.SX
+    at: Placements
+    columns: LoopColumns
+    reduced: Elimination
+    motions: ca.SX
+    samples: FloatArray
+
+    def values(self, matrix: ca.SX) -> FloatArray:
+        """Evaluate a matrix of the configuration at the samples.
+
+        Parameters
+        ----------
+        matrix
+            (m, n) expressions.
+
+        Returns
+        -------
+        numpy.ndarray
+            (samples, m, n), in the same unit as the matrix.
+        """
+        return at_samples([self.q], [self.samples], matrix)
+
+    @property
+    def motion_scale(self) -> FloatArray:
+        """(dof,) natural sizes of the independent coordinates [m or rad]."""
+        return self.chain.tangent_scale[list(self.reduced.pivots.rows)]
+
+
+def close_tree(chain: ClosedChain) -> ClosedTree:
+    """Eliminate the loop rows of a chain.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    ClosedTree
+        The chain at a symbolic configuration.
+
+    Raises
+    ------
+    UnsupportedError
+        If a joint or a closure has no graph, or no closed states are found to choose pivots on.
+    """
+    tree = tree_of(chain)
+    q = ca.SX.sym("q", tree.nq)
+    at = placements(tree, q)
+    columns = loop_columns(tree, at)
+    samples = closed_samples(chain)
+    values = at_samples([q], [samples], columns.transpose)
+    values = values * chain.tangent_scale[:, None] / row_sizes(chain)
+    pivots: Pivots = plan_pivots(values, list(range(tree.nc)))
+    reduced = Elimination(columns.transpose, pivots)
+    free = reduced.forward(ca.SX.eye(tree.nv))[list(pivots.rows), :].T
+    return ClosedTree(chain, tree, q, at, columns, reduced, free, samples)
+
+
+def inverse_dynamics_function(closed: ClosedTree) -> ca.Function:
+    """Write inverse dynamics.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, v, a) -> (tau_motor, lambda_c)``, (nq, 1), (nv, 1), (nv, 1) to (nu, 1), (nc, 1).
+
+    Raises
+    ------
+    ActuationError
+        If the motors cannot hold the robot at home.
+    """
+    tree, chain = closed.tree, closed.chain
+    require_held(chain, analyse_freedom(chain, chain.q_home))
+    v, a = ca.SX.sym("v", tree.nv), ca.SX.sym("a", tree.nv)
+    needed = tree_efforts(tree, closed.at, motions(tree, closed.at, v, a, constant(tree.gravity)))
+    motors = _motor_columns(tree)
+    share = closed.motions.T @ motors
+    scale = closed.motion_scale
+    values = closed.values(share) * scale[:, None] / chain.tangent_scale[list(tree.motors)]
+    pivots = plan_pivots(values, list(range(len(tree.motors))))
+    reduced = Elimination(share, pivots)
+    if pivots.rows:
+        idle = closed.motions @ reduced.forward(ca.SX.eye(share.shape[0]))[list(pivots.rows), :].T
+        needed = _let_idle_go(closed, needed, idle, scale[list(pivots.rows)])
+    load = closed.motions.T @ needed
+    if pivots.columns:
+        tau_motor = _least_norm(closed, share, load, [i for i, _ in pivots.places])
+    else:
+        found = reduced.back(reduced.forward(load), {})
+        tau_motor = ca.vertcat(*(found[k] for k in range(len(tree.motors))))
+    lambda_c = _reactions(closed, needed - motors @ tau_motor)
+    names = ["q", "v", "a"], ["tau_motor", "lambda_c"]
+    return ca.Function("inverse_dynamics", [closed.q, v, a], [tau_motor, lambda_c], *names)
+
+
+def forward_dynamics_function(closed: ClosedTree) -> ca.Function:
+    """Write forward dynamics.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, v, tau_motor) -> (a, lambda_c)``, (nq, 1), (nv, 1), (nu, 1) to (nv, 1), (nc, 1).
+
+    Raises
+    ------
+    SingularityError
+        If a motion that motors or platform take part in has no inertia.
+    """
+    tree, chain = closed.tree, closed.chain
+    v, tau_motor = ca.SX.sym("v", tree.nv), ca.SX.sym("tau_motor", len(tree.motors))
+    still = ca.SX.zeros(tree.nv)
+    drifting = motions(tree, closed.at, v, still, ca.SX.zeros(3))
+    a = closed.reduced.transposed(-loop_bias(tree, closed.at, drifting, closed.columns))
+    needed = tree_efforts(tree, closed.at, motions(tree, closed.at, v, a, constant(tree.gravity)))
+    left = needed - _motor_columns(tree) @ tau_motor
+    moved = inertia_times(closed, closed.motions)
+    inertia = closed.motions.T @ moved
+    scale = closed.motion_scale
+    values = closed.values(inertia) * scale[:, None] * scale
+    steps, weightless, _ = solve_symmetric(inertia, -(closed.motions.T @ left), values)
+    _require_idle(chain, closed, weightless)
+    step = ca.vertcat(*steps) if steps else ca.SX(0, 1)
+    a = a + closed.motions @ step
+    lambda_c = _reactions(closed, left + moved @ step)
+    names = ["q", "v", "tau_motor"], ["a", "lambda_c"]
+    return ca.Function("forward_dynamics", [closed.q, v, tau_motor], [a, lambda_c], *names)
+
+
+def inertia_times(closed: ClosedTree, directions: ca.SX) -> ca.SX:
+    """Multiply by the joint-space inertia.
+
+    Parameters
+    ----------
+    closed
+        Chain at its configuration.
+    directions
+        (nv, k) tangent vectors.
+
+    Returns
+    -------
+    casadi.SX
+        (nv, k) M times them.
+    """
+    tree, still, none = closed.tree, ca.SX.zeros(closed.tree.nv), ca.SX.zeros(3)
+    columns = [
+        tree_efforts(tree, closed.at, motions(tree, closed.at, still, directions[:, k], none))
+        for k in range(directions.shape[1])
+    ]
+    return ca.horzcat(*columns) if columns else ca.SX(tree.nv, 0)
+
+
+def _motor_columns(tree: Tree) -> ca.SX:
+    columns = ca.SX(tree.nv, len(tree.motors))
+    for k, index in enumerate(tree.motors):
+        columns[index, k] = 1
+    return columns
+
+
+def _let_idle_go(closed: ClosedTree, needed: ca.SX, idle: ca.SX, scale: FloatArray) -> ca.SX:
+    """Tree efforts with the idle freedoms' accelerations replaced by what their own inertia makes them do."""
+    moved = inertia_times(closed, idle)
+    inertia = idle.T @ moved
+    values = closed.values(inertia) * scale[:, None] * scale
+    steps, _, _ = solve_symmetric(inertia, -(idle.T @ needed), values)
+    return needed + moved @ ca.vertcat(*steps)
+
+
+def _least_norm(closed: ClosedTree, share: ca.SX, load: ca.SX, rows: list[int]) -> ca.SX:
+    """Solve share tau = load for the smallest tau, in the motors' own units as the one-state verb does."""
+    share, load = share[rows, :], load[rows]
+    square = share @ share.T
+    scale = closed.motion_scale[rows]
+    multipliers, _ = solve_square(
+        square, load, closed.values(square) * scale[:, None] * scale, "the motors' share"
+    )
+    return share.T @ multipliers
+
+
+def _reactions(closed: ClosedTree, left: ca.SX) -> ca.SX:
+    """Loop reactions of least norm, in the chain's own rows."""
+    reduced, tree = closed.reduced, closed.tree
+    found = reduced.back(reduced.forward(left), {})
+    lambda_c = ca.vertcat(*(found.get(k, ca.SX(0)) for k in range(tree.nc)))
+    if reduced.pivots.columns:
+        own = [_unit_response(closed, column) for column in reduced.pivots.columns]
+        basis = ca.horzcat(*own)
+        square = basis.T @ basis
+        parts, _ = solve_square(square, basis.T @ lambda_c, closed.values(square), "the redundant reactions")
+        lambda_c = lambda_c - basis @ parts
+    return closed.columns.turn @ lambda_c
+
+
+def _unit_response(closed: ClosedTree, column: int) -> ca.SX:
+    """Reactions in balance, with one at the row of a dependent column."""
+    known = {k: ca.SX(float(k == column)) for k in closed.reduced.pivots.columns}
+    found = closed.reduced.back(ca.SX.zeros(closed.tree.nv), known)
+    return ca.vertcat(*(found.get(k, ca.SX(0)) for k in range(closed.tree.nc)))
+
+
+def _require_idle(chain: ClosedChain, closed: ClosedTree, weightless: tuple[int, ...]) -> None:
+    """Motions without inertia may be left at rest only if they are idle."""
+    if not weightless:
+        return
+    idle = analyse_freedom(chain, closed.samples[0]).idle.shape[1]
+    if len(weightless) > idle:
+        raise SingularityError(
+            f"{len(weightless)} motions of {chain.name} have no inertia and {idle} are idle, so accelerations are "
+            "undetermined; give the bodies mass",
+            smallest_singular_value=0.0,
+            names=tuple(np.array(chain.tangent_names)[list(closed.reduced.pivots.rows)][list(weightless)]),
+        )

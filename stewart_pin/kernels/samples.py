@@ -1,0 +1,79 @@
+"""States at which a chain's matrices are looked at before its kernels are written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.closure.newton import close_loops
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.typing import FloatArray
+
+_SPREAD = 0.15
+"""Largest displacement of a joint from home, in robot sizes and radians."""
+
+
+def closed_samples(chain: ClosedChain, *, count: int = 8, seed: int = 0) -> FloatArray:
+    """Draw configurations with closed loops around home.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    count
+        How many.
+    seed
+        Of the displacements.
+
+    Returns
+    -------
+    numpy.ndarray
+        (count, nq) configurations [m, rad, unit quaternions]; home itself, often symmetric, is not among them.
+
+    Raises
+    ------
+    UnsupportedError
+        If the loops close at no displacement.
+    """
+    rng = np.random.default_rng(seed)
+    found: list[FloatArray] = []
+    spread = _SPREAD
+    for _ in range(20 * count):
+        step = rng.uniform(-spread, spread, chain.nv) * chain.tangent_scale
+        closure = close_loops(chain, pin.integrate(chain.model, chain.q_home, step), throw=False)
+        if closure.success:
+            found.append(closure.q)
+        else:
+            spread *= 0.9
+        if len(found) == count:
+            return np.array(found)
+    raise UnsupportedError(
+        f"the loops of {chain.name} close at {len(found)} of {20 * count} displacements of home; "
+        "kernels need closed states to look at"
+    )
+
+
+def at_samples(inputs: Sequence[ca.SX], samples: Sequence[FloatArray], matrix: ca.SX) -> FloatArray:
+    """Evaluate a matrix of expressions at samples.
+
+    Parameters
+    ----------
+    inputs
+        (n, 1) symbols each.
+    samples
+        (samples, n) values of each input, in any unit.
+    matrix
+        (m, n) expressions.
+
+    Returns
+    -------
+    numpy.ndarray
+        (samples, m, n) values, in the same unit as the matrix.
+    """
+    function = ca.Function("sample", list(inputs), [ca.densify(matrix)])
+    rows = zip(*samples, strict=True)
+    return np.array([np.array(function(*row)).reshape(matrix.shape) for row in rows])

@@ -1,0 +1,260 @@
+"""The constants of a chain that a kernel is made of: joints, masses, loop frames and rows, motors, gravity.
+
+Bodies are numbered as the joints that carry them in Pinocchio's model; body 0 is the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.kernels.spatial import Masses
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.description import JointKind
+from stewart_pin.model.loop_rows import NormalRow, Row, closure_rows
+from stewart_pin.typing import FloatArray
+
+_KINDS = {
+    JointKind.REVOLUTE: (1, 1),
+    JointKind.PRISMATIC: (1, 1),
+    JointKind.SPHERICAL: (4, 3),
+    JointKind.FLOATING: (7, 6),
+}
+"""Sizes of configuration and tangent of the joints that have a graph."""
+
+
+@dataclass(frozen=True, eq=False)
+class TreeJoint:
+    """A joint of the spanning tree and the body that it carries.
+
+    Attributes
+    ----------
+    name
+        Of the joint.
+    kind
+        Revolute, prismatic, spherical or floating.
+    parent
+        Number of the body that carries it, 0 for the ground.
+    rotation
+        (3, 3) rotation of the joint frame in the parent.
+    translation
+        (3,) origin of the joint frame in the parent [m].
+    axis
+        (3,) unit vector of a revolute or prismatic joint, in the joint frame.
+    q, v
+        Its entries of configuration and tangent.
+    masses
+        Of the body, about the joint frame.
+    """
+
+    name: str
+    kind: JointKind
+    parent: int
+    rotation: FloatArray
+    translation: FloatArray
+    axis: FloatArray
+    q: slice
+    v: slice
+    masses: Masses
+
+
+@dataclass(frozen=True, eq=False)
+class LoopEnds:
+    """A loop: two frames on two bodies, and the rows between them.
+
+    Attributes
+    ----------
+    name
+        Of the loop.
+    kind
+        What it leaves free.
+    body1, body2
+        Numbers of the bodies.
+    rotation1, rotation2
+        (3, 3) rotations of the loop frames in their bodies.
+    translation1, translation2
+        (3,) origins of the loop frames in their bodies [m].
+    rows
+        Equations, in the order of the chain's loop rows.
+    index
+        Place of each row among all loop rows.
+    """
+
+    name: str
+    kind: JointKind
+    body1: int
+    body2: int
+    rotation1: FloatArray
+    rotation2: FloatArray
+    translation1: FloatArray
+    translation2: FloatArray
+    rows: tuple[Row, ...]
+    index: tuple[int, ...]
+
+    @property
+    def holds_point(self) -> bool:
+        """Whether the frames' origins coincide: the first three rows are normal and independent."""
+        return len(self.rows) >= 3 and all(isinstance(row, NormalRow) for row in self.rows[:3])
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """Constants of a chain.
+
+    Attributes
+    ----------
+    joints
+        Joints; entry k carries body k + 1.
+    loops
+        Loops.
+    nq, nv, nc
+        Sizes of configuration, tangent and loop rows.
+    motors
+        Tangent index of each motor.
+    motors_q
+        Configuration index of each motor.
+    platform
+        Body that carries the platform frame.
+    platform_rotation
+        (3, 3) rotation of the platform frame in that body.
+    platform_translation
+        (3,) its origin there [m].
+    gravity
+        (3,) acceleration of free fall in world axes [m/s²].
+    """
+
+    joints: tuple[TreeJoint, ...]
+    loops: tuple[LoopEnds, ...]
+    nq: int
+    nv: int
+    nc: int
+    motors: tuple[int, ...]
+    motors_q: tuple[int, ...]
+    platform: int
+    platform_rotation: FloatArray
+    platform_translation: FloatArray
+    gravity: FloatArray
+
+    def path(self, body: int) -> tuple[int, ...]:
+        """List the bodies from one down to the ground.
+
+        Parameters
+        ----------
+        body
+            Number of a body.
+
+        Returns
+        -------
+        tuple of int
+            The body itself first; without the ground.
+        """
+        path: list[int] = []
+        while body:
+            path.append(body)
+            body = self.joints[body - 1].parent
+        return tuple(path)
+
+
+def tree_of(chain: ClosedChain) -> Tree:
+    """Read the constants of a chain.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    Tree
+        Its constants.
+
+    Raises
+    ------
+    UnsupportedError
+        If a joint is of a kind that has no graph.
+    """
+    frame = chain.model.frames[chain.platform_id]
+    return Tree(
+        joints=tuple(_joint(chain, k) for k in range(1, chain.model.njoints)),
+        loops=_loops(chain),
+        nq=chain.nq,
+        nv=chain.nv,
+        nc=chain.nc,
+        motors=tuple(int(k) for k in chain.motor_index),
+        motors_q=tuple(int(k) for k in chain.motor_q_index),
+        platform=frame.parentJoint,
+        platform_rotation=np.array(frame.placement.rotation),
+        platform_translation=np.array(frame.placement.translation),
+        gravity=chain.gravity,
+    )
+
+
+def _joint(chain: ClosedChain, number: int) -> TreeJoint:
+    model = chain.model
+    name, joint = model.names[number], model.joints[number]
+    described = chain.mechanism.joint(name)
+    if _KINDS.get(described.kind) != (joint.nq, joint.nv):
+        raise UnsupportedError(
+            f"joint '{name}' is {described.kind} with {joint.nq} coordinates; kernels have revolute, prismatic, "
+            "spherical and floating joints"
+        )
+    placement = model.jointPlacements[number]
+    return TreeJoint(
+        name=name,
+        kind=described.kind,
+        parent=model.parents[number],
+        rotation=np.array(placement.rotation),
+        translation=np.array(placement.translation),
+        axis=np.array(described.axis, dtype=float),
+        q=slice(joint.idx_q, joint.idx_q + joint.nq),
+        v=slice(joint.idx_v, joint.idx_v + joint.nv),
+        masses=masses_of(model.inertias[number]),
+    )
+
+
+def masses_of(inertia: pin.Inertia) -> Masses:
+    """Turn mass, centre of mass and inertia into moments about the frame's origin.
+
+    Parameters
+    ----------
+    inertia
+        Pinocchio's inertia.
+
+    Returns
+    -------
+    Masses
+        Mass, first and second moments.
+    """
+    about_com, com = np.array(inertia.inertia), np.array(inertia.lever)
+    second = np.trace(about_com) / 2 * np.eye(3) - about_com + inertia.mass * np.outer(com, com)
+    return Masses(float(inertia.mass), inertia.mass * com, second)
+
+
+def _loops(chain: ClosedChain) -> tuple[LoopEnds, ...]:
+    table = chain.loop_table
+    loops: list[LoopEnds] = []
+    for k, loop in enumerate(chain.loops):
+        rows, place = closure_rows(loop), table.slices[k]
+        loops.append(
+            LoopEnds(
+                name=loop.name,
+                kind=loop.kind,
+                body1=table.joint1[k],
+                body2=table.joint2[k],
+                rotation1=table.rotation1[k],
+                rotation2=table.rotation2[k],
+                translation1=table.translation1[k],
+                translation2=table.translation2[k],
+                rows=rows,
+                index=tuple(range(place.start, place.stop)),
+            )
+        )
+    covered = sum(len(loop.rows) for loop in loops)
+    if covered != chain.nc:
+        names: Sequence[str] = table.names[covered:]
+        raise UnsupportedError(f"kernels have no graph for the closure row(s) {', '.join(names)}")
+    return tuple(loops)
