@@ -6,8 +6,8 @@ from pathlib import Path
 
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.formats.dialects.urdf_plus import write_urdf_plus
 from stewart_pin.model.formats.mjcf import write_mjcf_file
-from stewart_pin.model.formats.urdf_plus import write_urdf_file
 
 
 def write_urdf(chain: ClosedChain, path: str | Path) -> None:
@@ -29,7 +29,7 @@ def write_urdf(chain: ClosedChain, path: str | Path) -> None:
     """
     _refuse_couplings(chain, "urdf+")
     try:
-        write_urdf_file(chain.described(), Path(path))
+        write_urdf_plus(chain.described(), Path(path))
     except OSError as error:
         raise InputError(f"path: cannot write {str(path)!r}: {error.strerror}") from None
 

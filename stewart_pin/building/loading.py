@@ -10,11 +10,11 @@ import numpy as np
 from stewart_pin.building.home import settle_home
 from stewart_pin.building.resources import find_robot
 from stewart_pin.checks import as_array
-from stewart_pin.errors import InputError, MechanismError, UnsupportedError
+from stewart_pin.errors import InputError, MechanismError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import Mechanism
-from stewart_pin.model.formats.urdf_plus import read_urdf
+from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import validate
 from stewart_pin.typing import ArrayLike
@@ -26,7 +26,7 @@ def load(
     loops: str | Path | None = None,
     motors: Sequence[str] | None = None,
     platform: str | None = None,
-    gravity: ArrayLike = STANDARD_GRAVITY,
+    gravity: ArrayLike | None = None,
 ) -> ClosedChain:
     """Read a robot with its loops, motors and platform.
 
@@ -44,7 +44,8 @@ def load(
         Name of the platform link; default: the parent link of the ``<end_effector name="platform">``, or else the
         link called ``platform``.
     gravity
-        (3,) acceleration of free fall in the world frame [m/s²].
+        (3,) acceleration of free fall in the world frame [m/s²]; None: what the file states, or else
+        (0, 0, -9.81).
 
     Returns
     -------
@@ -66,14 +67,9 @@ def load(
     >>> chain.nv, chain.nu, chain.nc
     (24, 6, 18)
     """
-    if loops is not None:
-        raise UnsupportedError(
-            f"loops={str(loops)!r}: side-car files are not supported yet; write <loop> in the URDF"
-        )
-    path = find_robot(name_or_path)
-    if path.suffix.lower() not in (".urdf", ".xml"):
-        raise UnsupportedError(f"{path}: files of type '{path.suffix}' are not supported; supported: .urdf")
-    return build_chain(read_urdf(path), motors=motors, platform=platform, gravity=gravity)
+    side_car = None if loops is None else Path(loops)
+    mechanism = read_mechanism(find_robot(name_or_path), loops=side_car)
+    return build_chain(mechanism, motors=motors, platform=platform, gravity=gravity)
 
 
 def build_chain(
@@ -81,7 +77,7 @@ def build_chain(
     *,
     motors: Sequence[str] | None = None,
     platform: str | None = None,
-    gravity: ArrayLike = STANDARD_GRAVITY,
+    gravity: ArrayLike | None = None,
 ) -> ClosedChain:
     """Validate a description and build the closed chain.
 
@@ -94,7 +90,8 @@ def build_chain(
     platform
         Name of the platform link; default: the one the description names.
     gravity
-        (3,) acceleration of free fall in the world frame [m/s²].
+        (3,) acceleration of free fall in the world frame [m/s²]; None: what the description states, or else
+        (0, 0, -9.81).
 
     Returns
     -------
@@ -106,6 +103,8 @@ def build_chain(
     MechanismError
         If it is no mechanism.
     """
+    if gravity is None:
+        gravity = STANDARD_GRAVITY if mechanism.gravity is None else mechanism.gravity
     gravity = as_array("gravity", gravity, (3,))
     validate(mechanism)
     model = build_tree(mechanism, gravity)

@@ -10,7 +10,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import FileFormatError, MechanismError
 from stewart_pin.model.description import JointKind, Report
-from stewart_pin.model.formats.urdf_plus import read_urdf
+from stewart_pin.model.formats.urdf import read_urdf
 from tests.small_urdf import (
     ARM,
     AXIS_Z,
@@ -53,7 +53,9 @@ def test_loops_axes_motors_and_home(tmp_path: Path) -> None:
     assert {name: float(value[0]) for name, value in mechanism.home.items()} == {
         name: float(value) for name, value in SQUARE.items()
     }
-    assert mechanism.notes == ()
+    assert [(note.subject, note.text) for note in mechanism.notes] == [
+        (f"loop '{name}'", "read as URDF+ <loop>") for name in ("hinge", "swivel", "rod")
+    ]
 
 
 def test_types_have_synonyms(tmp_path: Path) -> None:
@@ -112,7 +114,10 @@ def test_the_report_names_all_that_was_ignored(tmp_path: Path) -> None:
     ):  # fmt: skip
         assert word in report, report
     assert "version" not in report
-    assert str(stp.load("stewart").report) == "nothing was ignored"
+    assert (
+        str(stp.load("stewart").report)
+        == "kept: read as URDF+ <loop> (loop 'leg1_ball', loop 'leg2_ball', loop 'leg3_ball' and 3 more)"
+    )
 
 
 def test_a_report_gathers_equal_findings(tmp_path: Path) -> None:
@@ -182,21 +187,41 @@ def test_a_default_namespace_changes_nothing(tmp_path: Path) -> None:
     # Drake's older robot files carry one.
     text = robot(*FOUR_BAR, CLOSED, home(**SQUARE), attributes='xmlns="http://drake.mit.edu"')
     chain = stp.load(write(tmp_path, text))
-    assert (chain.nv, chain.nc, str(chain.report)) == (3, 5, "nothing was ignored")
+    assert (chain.nv, chain.nc, str(chain.report)) == (3, 5, "kept: read as URDF+ <loop> (loop 'hinge')")
 
 
-def test_two_parents_are_named_with_both_joints(tmp_path: Path) -> None:
-    text = robot(*FOUR_BAR, joint("hinge", "rocker", "platform"))
-    with pytest.raises(MechanismError, match="<loop>") as caught:
-        stp.load(write(tmp_path, text))
-    for name in ("'platform'", "'coupler_turn'", "'hinge'"):
-        assert name in str(caught.value)
-    assert caught.value.culprit == "platform"
+def test_a_second_parent_is_cut(tmp_path: Path) -> None:
+    tip = link("tip", ""), joint("weld", "rocker", "tip", "fixed", origin='xyz="1 0 0"')
+    hinge = joint("hinge", "platform", "tip", origin='xyz="1 0 0"')
+    chain = stp.load(write(tmp_path, robot(*FOUR_BAR, *tip, home(**SQUARE, hinge="0"), hinge)))
+    assert [(cut.name, cut.kind, cut.link1, cut.link2) for cut in chain.loops] == [
+        ("hinge", JointKind.REVOLUTE, "platform", "tip")
+    ]
+    assert (
+        str(chain.report) == "changed: cut into a loop: link 'tip' hangs on 'rocker' already (joint 'hinge')"
+    )
+    assert set(chain.mechanism.home) == set(SQUARE)
+
+
+def test_joints_of_several_freedoms_are_unfolded(tmp_path: Path) -> None:
+    text = robot(
+        *(link(name) for name in ("base", "a", "b", "platform")),
+        joint("table", "base", "a", "planar"),
+        joint("piston", "a", "b", "cylindrical", axis='<axis xyz="0 1 0"/>'),
+        joint("cross", "b", "platform", "universal", axis='<axis xyz="1 0 0"/><axis2 xyz="0 0 2"/>'),
+    )
+    chain = stp.load(write(tmp_path, text), motors=["table_x"])
+    assert chain.nv == 7
+    np.testing.assert_array_equal(chain.mechanism.joint("cross_2").axis, [0, 0, 1])
+    for word in ("planar joint unfolded", "cylindrical joint unfolded", "universal joint unfolded"):
+        assert f"changed: {word}" in str(chain.report)
 
 
 HINGE = '<predecessor link="arm"/><successor link="base"/>'
 MISTAKES = {
     "type": (joint("j", "base", "arm", "screw"), "type 'screw'; supported: .*revolute"),
+    "universal": (joint("j", "base", "arm", "universal"), "joint 'j' .*needs a <axis2>"),
+    "planar motor": (joint("j", "base", "arm", "planar", attributes=MOTOR), "a motor drives one freedom"),
     "no type": ('<joint name="j"><parent link="a"/><child link="b"/></joint>', "lacks 'type'"),
     "no name": ("<link/>", "lacks 'name'"),
     "empty name": ('<link name=""/>', "lacks 'name'"),

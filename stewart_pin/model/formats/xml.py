@@ -185,7 +185,7 @@ class ElementReader:
         value = element.get(attribute)
         if not value:
             raise self.error(
-                f"{owner}: <{element.tag}> (line {element.sourceline}) lacks '{attribute}'", owner
+                f"{owner}: <{shown_tag(element)}> (line {element.sourceline}) lacks '{attribute}'", owner
             )
         return value
 
@@ -228,7 +228,7 @@ class ElementReader:
         lxml.etree._Element or None
             The child.
         """
-        found = element.findall(tag)
+        found = [child for child in element.iterchildren(etree.Element) if shown_tag(child) == tag]
         if len(found) > 1:
             raise self.error(f"{owner} has {len(found)} <{tag}>; keep one", owner)
         return found[0] if found else None
@@ -250,12 +250,11 @@ class ElementReader:
             Known children.
         """
         strangers = [f"attribute '{name}'" for name in element.attrib if name not in attributes]
-        strangers += [
-            f"<{shown_tag(child)}>" for child in element.iterchildren(etree.Element) if child.tag not in tags
-        ]
+        inner = [shown_tag(child) for child in element.iterchildren(etree.Element)]
+        strangers += [f"<{tag}>" for tag in inner if tag not in tags]
         if strangers:
             raise self.error(
-                f"{owner}: {strangers[0]} of <{element.tag}> (line {element.sourceline}) is not understood; "
+                f"{owner}: {strangers[0]} of <{shown_tag(element)}> (line {element.sourceline}) is not understood; "
                 f"it may have {', '.join([*attributes, *(f'<{tag}>' for tag in tags)])}",
                 owner,
             )
@@ -284,7 +283,7 @@ class ElementReader:
             (n,) the numbers, in the unit of the attribute [m, rad, kg, kg m²].
         """
         text = element.get(attribute, default) if default else self.text(element, attribute, owner)
-        return self.parse(text, n, f"{owner}: <{element.tag} {attribute}>", owner)
+        return self.parse(text, n, f"{owner}: <{shown_tag(element)} {attribute}>", owner)
 
     def parse(self, text: str, n: int | None, where: str, culprit: str) -> FloatArray:
         """Read n finite numbers from text.

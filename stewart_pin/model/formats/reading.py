@@ -1,0 +1,57 @@
+"""Which reader a file goes to: by its root element, whatever its name; by its suffix where it is no XML."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from stewart_pin.errors import FileFormatError, UnsupportedError
+from stewart_pin.model.description import Mechanism
+from stewart_pin.model.formats.urdf import read_urdf
+from stewart_pin.model.formats.xml import read_xml, shown_tag
+
+_SUFFIXES = (".urdf", ".sdf", ".world", ".xml", ".mjcf")
+
+_READERS: dict[str, Callable[[Path], Mechanism]] = {
+    "robot": read_urdf,
+}
+"""Reader of a file by the tag of its root element."""
+
+
+def read_mechanism(path: Path, *, loops: Path | None = None) -> Mechanism:
+    """Read a mechanism from a file of any format that is understood.
+
+    Parameters
+    ----------
+    path
+        File to read.
+    loops
+        Side-car file that declares the loops.
+
+    Returns
+    -------
+    Mechanism
+        Description, not yet validated.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is missing, broken, or its root element is unknown.
+    UnsupportedError
+        If files of this type are not read at all.
+    """
+    if loops is not None:
+        raise UnsupportedError(
+            f"loops={str(loops)!r}: side-car files are not supported yet; write <loop> in the URDF"
+        )
+    if path.suffix.lower() not in _SUFFIXES:
+        raise UnsupportedError(
+            f"{path}: files of type '{path.suffix}' are not supported; supported: {', '.join(_SUFFIXES)}"
+        )
+    root = shown_tag(read_xml(path))
+    if root not in _READERS:
+        known = ", ".join(f"<{tag}>" for tag in _READERS)
+        raise FileFormatError(
+            f"the root element is <{root}>; supported: {known}", path=str(path), culprit=f"<{root}>"
+        )
+    return _READERS[root](path)

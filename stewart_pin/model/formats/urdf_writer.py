@@ -1,0 +1,112 @@
+"""The tree of a mechanism as URDF elements, for the writers of all dialects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from stewart_pin.geometry.rotations import rpy_from_rotation
+from stewart_pin.model.description import Joint, JointKind, Link, Mechanism
+from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES
+from stewart_pin.model.formats.xml import UNLIMITED, number_text
+
+
+def tree_element(mechanism: Mechanism, nsmap: dict[str, str] | None = None) -> etree._Element:
+    """Write links and joints.
+
+    Parameters
+    ----------
+    mechanism
+        What to write.
+    nsmap
+        Namespaces that the dialect's tags need.
+
+    Returns
+    -------
+    lxml.etree._Element
+        The ``<robot>``, without loops.
+    """
+    robot = etree.Element("robot", {"name": mechanism.name}, nsmap)
+    for link in mechanism.links:
+        _write_link(robot, link)
+    for joint in mechanism.joints:
+        _write_joint(robot, joint)
+    return robot
+
+
+def save(robot: etree._Element, mechanism: Mechanism, path: Path) -> None:
+    """Add platform and home to a robot, and write the file.
+
+    Parameters
+    ----------
+    robot
+        The ``<robot>``, with its loops.
+    mechanism
+        What it describes.
+    path
+        File to create or overwrite.
+    """
+    if mechanism.platform not in (None, "platform"):
+        etree.SubElement(robot, "end_effector", name="platform", parent_link=mechanism.platform, group="all")
+    if mechanism.home:
+        state = etree.SubElement(robot, "group_state", name="home", group="all")
+        for name, values in mechanism.home.items():
+            etree.SubElement(state, "joint", name=name, value=number_text(values))
+    path.write_bytes(etree.tostring(robot, pretty_print=True, xml_declaration=True, encoding="utf-8"))
+
+
+def write_origin(element: etree._Element, placement: pin.SE3, tag: str = "origin") -> None:
+    """Write a placement, unless it is the identity.
+
+    Parameters
+    ----------
+    element
+        Where to put it.
+    placement
+        The placement.
+    tag
+        Tag to use.
+    """
+    rpy = rpy_from_rotation(placement.rotation)
+    if placement.translation.any() or rpy.any():
+        attributes = {"xyz": number_text(placement.translation)}
+        if rpy.any():
+            attributes["rpy"] = number_text(rpy)
+        etree.SubElement(element, tag, attributes)
+
+
+def _write_link(robot: etree._Element, link: Link) -> None:
+    element = etree.SubElement(robot, "link", name=link.name)
+    if link.inertia is None:
+        return
+    inertial = etree.SubElement(element, "inertial")
+    write_origin(inertial, pin.SE3(np.eye(3), link.inertia.lever))
+    etree.SubElement(inertial, "mass", value=number_text([link.inertia.mass]))
+    matrix = link.inertia.inertia
+    entries = {key: number_text([matrix[at]]) for key, at in INERTIA_ENTRIES.items()}
+    etree.SubElement(inertial, "inertia", entries)
+
+
+def _write_joint(robot: etree._Element, joint: Joint) -> None:
+    unlimited = joint.kind is JointKind.REVOLUTE and np.isinf([joint.lower, joint.upper]).all()
+    element = etree.SubElement(
+        robot, "joint", name=joint.name, type="continuous" if unlimited else str(joint.kind)
+    )
+    if joint.independent:
+        element.set("independent", "true")
+    etree.SubElement(element, "parent", link=joint.parent)
+    etree.SubElement(element, "child", link=joint.child)
+    write_origin(element, joint.placement)
+    if not joint.has_axis:
+        return
+    etree.SubElement(element, "axis", xyz=number_text(joint.axis))
+    # URDF readers require effort and velocity, and take an absent lower or upper limit for 0.
+    limits = {"effort": joint.effort, "velocity": joint.velocity}
+    if not unlimited:
+        limits |= {"lower": joint.lower, "upper": joint.upper}
+    if not np.isinf(list(limits.values())).all() or not unlimited:
+        finite = {key: number_text([np.clip(value, -UNLIMITED, UNLIMITED)]) for key, value in limits.items()}
+        etree.SubElement(element, "limit", finite)
