@@ -23,6 +23,7 @@ from stewart_pin.building.variants import replace_inertias as replace_inertias
 from stewart_pin.closure.equations import loop_bias as loop_bias
 from stewart_pin.closure.equations import loop_gap as loop_gap
 from stewart_pin.closure.equations import loop_jacobian as loop_jacobian
+from stewart_pin.closure.jacobian_rate import loop_jacobian_rate as loop_jacobian_rate
 from stewart_pin.closure.newton import Closure as Closure
 from stewart_pin.closure.newton import close_loops as close_loops
 from stewart_pin.closure.pinocchio_constraints import constraint_models as constraint_models
