@@ -87,11 +87,14 @@ from stewart_pin.mechanics.constraint_matrix.system import ConstraintMatrixSyste
 from stewart_pin.mechanics.constraint_matrix.system import (
     constraint_matrix_system as constraint_matrix_system,
 )
+from stewart_pin.mechanics.coordinates import Coordinates as Coordinates
 from stewart_pin.mechanics.effort import Effort as Effort
 from stewart_pin.mechanics.effort import Motion as Motion
 from stewart_pin.mechanics.forward_solutions import ForwardSolutions as ForwardSolutions
 from stewart_pin.mechanics.forward_solutions import all_forward_kinematics as all_forward_kinematics
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics as inverse_dynamics
+from stewart_pin.mechanics.joint_motor_map import JointMotorMap as JointMotorMap
+from stewart_pin.mechanics.joint_motor_map import joint_motor_map as joint_motor_map
 from stewart_pin.mechanics.kinematics import State as State
 from stewart_pin.mechanics.kinematics import forward_kinematics as forward_kinematics
 from stewart_pin.mechanics.kinematics import inverse_kinematics as inverse_kinematics
@@ -101,6 +104,10 @@ from stewart_pin.mechanics.kinematics import platform_motion as platform_motion
 from stewart_pin.mechanics.kinematics import platform_pose as platform_pose
 from stewart_pin.mechanics.mobility import Mobility as Mobility
 from stewart_pin.mechanics.mobility import mobility as mobility
+from stewart_pin.mechanics.motion_map import MotionMap as MotionMap
+from stewart_pin.mechanics.motion_map import motion_map as motion_map
+from stewart_pin.mechanics.operational_dynamics import OperationalDynamics as OperationalDynamics
+from stewart_pin.mechanics.operational_dynamics import operational_dynamics as operational_dynamics
 from stewart_pin.model.chain import ClosedChain as ClosedChain
 from stewart_pin.motion.accelerograms import Accelerogram as Accelerogram
 from stewart_pin.motion.accelerograms import accelerogram as accelerogram

@@ -41,13 +41,25 @@ from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 _CONSISTENT = 1e-6
 """How far a state may be from closed loops, in robot sizes and radians (per s, s²), relative where the state itself is
 larger: round-off and printed digits of user data, not a wrong state."""
-_NO_INERTIA = 1e-12
+NO_INERTIA = 1e-12
 """Inertia of a motion, relative to the largest, below which it has none: a thousand units of round-off."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Closed:
-    """A state whose loops have been checked, with what was computed on the way."""
+class ClosedState:
+    """A state whose loops have been checked, with what was computed on the way.
+
+    Attributes
+    ----------
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity [m/s, rad/s].
+    jacobian
+        (nc, nv) loop Jacobian [m/s and 1/s per m/s or rad/s].
+    bias
+        (nc,) loop bias [m/s² and 1/s²].
+    """
 
     q: Configuration
     v: Tangent
@@ -94,7 +106,7 @@ def pinocchio_inverse_dynamics(
     InputError
         If the state does not keep the loops closed.
     """
-    state = _closed_state(chain, q, v)
+    state = closed_state(chain, q, v)
     a = as_array("a", a, (chain.nv,))
     _require_small(chain, state.jacobian @ a + state.bias, a, "a", "platform_motion")
     data = pin.Data(chain.model)
@@ -155,7 +167,7 @@ def forward_dynamics(
     SingularityError
         If a motion that motors or platform take part in has no inertia, so that no acceleration is determined.
     """
-    state = _closed_state(chain, q, v)
+    state = closed_state(chain, q, v)
     tau = np.zeros(chain.nv)
     tau[chain.motor_index] = as_array("tau_motor", tau_motor, (chain.nu,))
     if method == "constraint_dynamics":
@@ -163,7 +175,7 @@ def forward_dynamics(
     if method != "projection":
         raise InputError(f"method must be 'projection' or 'constraint_dynamics', got {method!r}")
     data = pin.Data(chain.model)
-    inertia = _joint_space_inertia(chain, data, state.q)
+    inertia = joint_space_inertia(chain, data, state.q)
     push = tau - pin.nonLinearEffects(chain.model, data, state.q, state.v)
     freedom = analyse_freedom(chain, state.q)
     a = -np.linalg.lstsq(state.jacobian, state.bias, rcond=RANK)[0]
@@ -177,17 +189,17 @@ def _free_acceleration(
 ) -> Tangent:
     """Acceleration along the motions that keep the loops closed; idle freedoms without inertia do not accelerate."""
     moments, axes = np.linalg.eigh(freedom.motions.T @ inertia @ freedom.motions)
-    heavy = moments > _NO_INERTIA * moments.max(initial=0.0)
+    heavy = moments > NO_INERTIA * moments.max(initial=0.0)
     weightless = freedom.motions @ axes[:, ~heavy]
     # Of the weightless motions, all must be idle: each of them then is one of the idle freedoms.
     idle = freedom.idle / chain.tangent_scale[:, None]
     active = weightless / chain.tangent_scale[:, None]
     active = active - idle @ (idle.T @ active)
-    # A weightless motion is determined by round-off to about the root of _NO_INERTIA.
+    # A weightless motion is determined by round-off to about the root of NO_INERTIA.
     if np.abs(active).max(initial=0.0) > 1e-3:
         direction = weightless[:, np.argmax(np.linalg.norm(active, axis=0))]
         raise SingularityError(
-            f"nothing with inertia takes part in the motion {_named(chain, direction)}, so its acceleration is "
+            f"nothing with inertia takes part in the motion {named_motion(chain, direction)}, so its acceleration is "
             "undetermined; give the bodies mass",
             smallest_singular_value=float(moments[0]),
             direction=direction,
@@ -218,7 +230,7 @@ def require_held(chain: ClosedChain, freedom: Freedom) -> None:
     raise ActuationError(
         f"the motors cannot hold the robot here: {freedom.lost.shape[1]} freedom(s) left over with all motors "
         f"locked (smallest singular value {freedom.smallest_singular_value:.3g}), the motion "
-        f"{_named(chain, direction)}; "
+        f"{named_motion(chain, direction)}; "
         "move away from this configuration, add a motor, or pass throw=False for least squares",
         smallest_singular_value=freedom.smallest_singular_value,
         direction=direction,
@@ -226,8 +238,21 @@ def require_held(chain: ClosedChain, freedom: Freedom) -> None:
     )
 
 
-def _named(chain: ClosedChain, direction: FloatArray) -> str:
-    """Spell out the largest entries of a motion."""
+def named_motion(chain: ClosedChain, direction: FloatArray) -> str:
+    """Spell out the largest entries of a motion.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    direction
+        (nv,) the motion [m, rad].
+
+    Returns
+    -------
+    str
+        Tangent names with their values.
+    """
     order = np.argsort(-np.abs(direction))[:6]
     largest = np.abs(direction).max()
     return ", ".join(
@@ -235,8 +260,28 @@ def _named(chain: ClosedChain, direction: FloatArray) -> str:
     )
 
 
-def _closed_state(chain: ClosedChain, q: ArrayLike, v: ArrayLike) -> _Closed:
-    """Check that a state keeps the loops closed: dynamics of an open loop would be a silent wrong answer."""
+def closed_state(chain: ClosedChain, q: ArrayLike, v: ArrayLike) -> ClosedState:
+    """Check that a state keeps the loops closed: dynamics of an open loop would be a silent wrong answer.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity [m/s, rad/s].
+
+    Returns
+    -------
+    ClosedState
+        The state, with loop Jacobian and bias.
+
+    Raises
+    ------
+    InputError
+        If q leaves the loops open, or v opens them.
+    """
     q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
     data = pin.Data(chain.model)
     pin.computeJointJacobians(chain.model, data, q)
@@ -247,7 +292,7 @@ def _closed_state(chain: ClosedChain, q: ArrayLike, v: ArrayLike) -> _Closed:
     if flipped is not None:
         raise InputError(f"q holds loop '{flipped}' with its axes against each other; see close_loops")
     _require_small(chain, jacobian @ v, v, "v", "platform_motion")
-    return _Closed(q=q, v=v, jacobian=jacobian, bias=bias_from_data(chain, data, q, v))
+    return ClosedState(q=q, v=v, jacobian=jacobian, bias=bias_from_data(chain, data, q, v))
 
 
 def _require_small(chain: ClosedChain, left: FloatArray, value: Tangent, name: str, remedy: str) -> None:
@@ -263,27 +308,43 @@ def _require_small(chain: ClosedChain, left: FloatArray, value: Tangent, name: s
 
 
 def _let_idle_go(
-    chain: ClosedChain, data: pin.Data, state: _Closed, a: Tangent, idle: FloatArray
+    chain: ClosedChain, data: pin.Data, state: ClosedState, a: Tangent, idle: FloatArray
 ) -> tuple[FloatArray, Tangent]:
     """Tree efforts for the demanded acceleration, idle freedoms replaced by what their own inertia makes them do."""
     needed = np.array(pin.rnea(chain.model, data, state.q, state.v, a))
     if not idle.shape[1]:
         return needed, a
-    inertia = _joint_space_inertia(chain, data, state.q)
+    inertia = joint_space_inertia(chain, data, state.q)
     moments, axes = np.linalg.eigh(idle.T @ inertia @ idle)
     scale = chain.tangent_scale
-    heavy = moments > _NO_INERTIA * np.abs(scale[:, None] * inertia * scale).max()
+    heavy = moments > NO_INERTIA * np.abs(scale[:, None] * inertia * scale).max()
     axes = idle @ axes[:, heavy]
     change = -axes @ ((axes.T @ needed) / moments[heavy])
     return needed + inertia @ change, a + change
 
 
-def _joint_space_inertia(chain: ClosedChain, data: pin.Data, q: Configuration) -> FloatArray:
+def joint_space_inertia(chain: ClosedChain, data: pin.Data, q: Configuration) -> FloatArray:
+    """Compute the inertia matrix of the spanning tree, both halves.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    data
+        Scratch.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nv, nv) symmetric [kg, kg m, kg m²].
+    """
     upper = np.triu(np.reshape(pin.crba(chain.model, data, q), (chain.nv, chain.nv)))
     return upper + np.triu(upper, 1).T
 
 
-def _constraint_dynamics(chain: ClosedChain, state: _Closed, tau: FloatArray) -> Motion:
+def _constraint_dynamics(chain: ClosedChain, state: ClosedState, tau: FloatArray) -> Motion:
     models = constraint_models(chain)
     if chain.nc and np.linalg.matrix_rank(state.jacobian * chain.tangent_scale, rtol=RANK) < chain.nc:
         raise UnsupportedError(

@@ -10,7 +10,7 @@ import stewart_pin as stp
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import JointKind
 from tests.closed_states import along, close, derivative, robot
-from tests.mechanisms import four_bar, rotary_hexapod, two_bodies
+from tests.mechanisms import four_bar, gear_train, rotary_hexapod, two_bodies
 
 
 def check(chain: stp.ClosedChain, rng: np.random.Generator) -> None:
@@ -27,7 +27,7 @@ def test_kinds_of_loops_between_a_ball_and_a_free_body(kind: JointKind, rng: np.
     check(two_bodies(kind, rng), rng)
 
 
-@pytest.mark.parametrize("build", [four_bar, rotary_hexapod, lambda: robot("stewart_cad")])
+@pytest.mark.parametrize("build", [four_bar, gear_train, rotary_hexapod, lambda: robot("stewart_cad")])
 def test_mechanisms(build, rng: np.random.Generator) -> None:
     check(build(), rng)
 
