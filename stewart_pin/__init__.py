@@ -27,6 +27,9 @@ from stewart_pin.closure.jacobian_rate import loop_jacobian_rate as loop_jacobia
 from stewart_pin.closure.newton import Closure as Closure
 from stewart_pin.closure.newton import close_loops as close_loops
 from stewart_pin.closure.pinocchio_constraints import constraint_models as constraint_models
+from stewart_pin.geometry.delta import DeltaPositions as DeltaPositions
+from stewart_pin.geometry.delta import delta_legs as delta_legs
+from stewart_pin.geometry.delta import delta_positions as delta_positions
 from stewart_pin.geometry.hexapod import Hexapod as Hexapod
 from stewart_pin.geometry.hexapod import leg_jacobian as leg_jacobian
 from stewart_pin.geometry.hexapod import leg_lengths as leg_lengths
@@ -51,6 +54,10 @@ from stewart_pin.geometry.planar_transitions import PlanarTransitions as PlanarT
 from stewart_pin.geometry.planar_transitions import planar_transition_lengths as planar_transition_lengths
 from stewart_pin.geometry.pose_tracking import TrackedPose as TrackedPose
 from stewart_pin.geometry.pose_tracking import track_pose as track_pose
+from stewart_pin.geometry.rotary import CrankAngles as CrankAngles
+from stewart_pin.geometry.rotary import RotaryLegs as RotaryLegs
+from stewart_pin.geometry.rotary import crank_angles as crank_angles
+from stewart_pin.geometry.rotary import crank_jacobian as crank_jacobian
 from stewart_pin.geometry.serial import ArmBranches as ArmBranches
 from stewart_pin.geometry.serial import ArmReach as ArmReach
 from stewart_pin.geometry.serial import planar_arm_branches as planar_arm_branches

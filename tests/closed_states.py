@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 import stewart_pin as stp
+from stewart_pin.closure.equations import row_sizes
 from stewart_pin.mechanics.freedom import analyse_freedom
 
 POSES = ("home", "generic", "symmetric", "near_singular")
@@ -92,8 +93,14 @@ def close(actual: np.ndarray, expected: np.ndarray, relative: float) -> None:
 
 
 def conditioning(chain: stp.ClosedChain, q: np.ndarray) -> float:
-    """How well the motors hold the robot, between 0 (singular) and 1."""
-    return analyse_freedom(chain, q).smallest_singular_value
+    """How well loops and motors together hold the robot, from 0 (singular) to about 1.
+
+    Where the loops lose rank as the motors do, each alone may look well: a Delta whose rods lie in one plane.
+    """
+    jacobian = stp.loop_jacobian(chain, q) * chain.tangent_scale / row_sizes(chain)[:, None]
+    s = np.linalg.svd(np.vstack([jacobian, np.eye(chain.nv)[chain.motor_index]]), compute_uv=False)
+    held = chain.nv - analyse_freedom(chain, q).idle.shape[1]
+    return float(s[held - 1]) if held <= s.size else 0.0
 
 
 def smallest_inertia(chain: stp.ClosedChain, q: np.ndarray) -> float:

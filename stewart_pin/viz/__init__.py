@@ -1,5 +1,6 @@
 """Pictures. Matplotlib is imported when one is drawn."""
 
+from stewart_pin.viz.chain_picture import plot_chain as plot_chain
 from stewart_pin.viz.constraint_picture import plot_constraint_matrix as plot_constraint_matrix
 from stewart_pin.viz.force_curves import plot_comparison as plot_comparison
 from stewart_pin.viz.polytope_picture import plot_polytopes as plot_polytopes

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
@@ -46,6 +47,15 @@ def held(case: Case) -> Case:
 def round_off(case: Case, generic: float) -> float:
     """Scale a tolerance on efforts: next to a singularity they are large, and so is their round-off."""
     return generic * max(1.0, 0.01 / conditioning(case.chain, case.q))
+
+
+def round_off_of_efforts(case: Case, generic: float, effort: stp.Effort) -> float:
+    """Scale a tolerance on efforts and reactions: where they happen to be small, round-off is as usual."""
+    chain = case.chain
+    needed = pin.rnea(chain.model, pin.Data(chain.model), case.q, case.v, effort.a) * chain.tangent_scale
+    usual = np.abs(needed).max() / conditioning(chain, case.q)
+    actual = np.abs(effort.tau_motor * chain.tangent_scale[chain.motor_index]).max()
+    return round_off(case, generic) * max(1.0, usual / actual)
 
 
 def round_off_of_accelerations(case: Case, generic: float, effort: stp.Effort) -> float:

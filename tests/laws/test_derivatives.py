@@ -51,9 +51,12 @@ def test_platform_jacobian_and_bias(at: Case) -> None:
     here = stp.platform_pose(chain, at.q)
     close(derivative(lambda t: stp.platform_pose(chain, curve(t)).translation), twist[:3], DIFFERENCES)
     turned = derivative(lambda t: pin.log3(stp.platform_pose(chain, curve(t)).rotation @ here.rotation.T))
-    close(turned, twist[3:], DIFFERENCES)
+    # A platform that only translates has no turn and no bias, but the round-off of the joints' own rates.
+    rate = float(np.abs(at.v / chain.tangent_scale).max())
+    assert np.abs(turned - twist[3:]).max() <= DIFFERENCES * rate
     slope = derivative(lambda t: motion_matrix(chain, curve(t))[chain.nc :] @ at.v)
-    close(platform_bias(chain, at.q, at.v), slope, DIFFERENCES)
+    bias = platform_bias(chain, at.q, at.v)
+    assert np.abs(bias - slope).max() <= DIFFERENCES * max(np.abs(slope).max(), chain.length_scale * rate**2)
 
 
 def test_motor_jacobian(case: Case) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import stewart_pin as stp
 from stewart_pin.errors import UnsupportedError
 from tests.closed_states import close, random_motion, robot
-from tests.laws.conftest import Case, round_off, round_off_of_accelerations
+from tests.laws.conftest import Case, round_off_of_accelerations, round_off_of_efforts
 
 AGREEMENT = (
     1e-10  # relative; measured 1e-13 at generic poses, 1e-11 where the smallest singular value is 1e-3
@@ -23,7 +25,8 @@ def test_constraint_matrix_equals_pinocchio(held: Case, rng: np.random.Generator
         v, a = random_motion(chain, rng, held.q)
         one = stp.inverse_dynamics(chain, held.q, v, a)
         two = stp.inverse_dynamics(chain, held.q, v, a, method="constraint_matrix")
-        close(two.tau_motor, one.tau_motor, round_off(held, AGREEMENT))
+        tolerance = round_off_of_efforts(replace(held, v=v), AGREEMENT, one)
+        close(two.tau_motor, one.tau_motor, tolerance)
         close(
             two.a / chain.tangent_scale,
             one.a / chain.tangent_scale,
@@ -31,7 +34,8 @@ def test_constraint_matrix_equals_pinocchio(held: Case, rng: np.random.Generator
         )
         assert (two.unique, two.reactions_unique) == (one.unique, one.reactions_unique)
         if chain.nc:
-            close(two.lambda_c, one.lambda_c, round_off(held, AGREEMENT))
+            # The least of many reactions also sees the round-off of the null space, which a near singularity turns.
+            close(two.lambda_c, one.lambda_c, tolerance if one.reactions_unique else 10 * tolerance)
 
 
 def leg_parts(chain: stp.ClosedChain) -> tuple[stp.Hexapod, stp.HexapodBodies] | None:

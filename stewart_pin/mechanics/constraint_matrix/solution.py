@@ -217,12 +217,13 @@ def _require_held(
         carrier = next(joint.parent for joint in chain.mechanism.joints if joint.child == carrier)
     k = system.bodies.index(carrier)
     rows = slice(6 * k, 6 * k + 6)
-    asked, done = _tree_accelerations(assembled, a)[rows], unknowns[rows]
+    motion = _motion_scale(system, chain.length_scale)
+    # In natural units, so that the unit of length decides nothing.
+    asked, done = (x[rows] / motion[rows] for x in (_tree_accelerations(assembled, a), unknowns))
     follows = np.abs(asked - done).max() <= _CONSISTENT * max(1.0, float(np.abs(asked).max()))
     if follows and not solution.undetermined.shape[1]:
         return
     # Motions of the bodies that no joint and no motor resists: the null space of Cᵀ.
-    motion = _motion_scale(system, chain.length_scale)
     columns = _column_scale(system, motion)
     _, s, vt = np.linalg.svd((system.C * motion[:, None] * columns).T.toarray())
     rank = int(np.count_nonzero(s > _RANK * s[0]))

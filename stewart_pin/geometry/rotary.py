@@ -1,0 +1,331 @@
+"""Closed forms of platforms on rotary legs (RSS), for any batch shape and any number of legs.
+
+Leg *i* is a driven crank that turns about a fixed axis, and a rod with a ball at either end, from the crank's tip to
+platform point *i*.
+
+References
+----------
+.. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, ch. 2 and 3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stewart_pin.checks import as_array, as_batch, as_positive, require_broadcast
+from stewart_pin.errors import InputError, SingularityError, UnreachableError
+from stewart_pin.geometry.rotations import as_rotation
+from stewart_pin.typing import ArrayLike, BoolArray, FloatArray
+
+_SQUARE = 1e-9
+"""Cosine between a crank's axis and its zero direction that is still round-off of printed figures."""
+_SINGULAR = 1e-12
+"""Sine of the angle between rod and crank below which the crank is at a dead centre."""
+_ROUND_OFF = 64 * np.finfo(float).eps
+"""How far beyond its reach a leg counts as just stretched, relative to the lengths involved."""
+
+
+@dataclass(frozen=True, eq=False)
+class RotaryLegs:
+    """Geometry of n legs, each a crank and a rod.
+
+    Attributes
+    ----------
+    base_points
+        (n, 3) centres of the circles on which the tips of the cranks run, in the base frame [m].
+    axes
+        (n, 3) directions about which the cranks turn, in the base frame; made unit vectors, dimensionless.
+    zeros
+        (n, 3) directions of the cranks at angle zero, square to the axes, in the base frame; made unit vectors,
+        dimensionless.
+    platform_points
+        (n, 3) ends of the rods, in the platform frame [m].
+    cranks, rods
+        (n,) lengths, or one for all [m].
+    """
+
+    base_points: FloatArray
+    axes: FloatArray
+    zeros: FloatArray
+    platform_points: FloatArray
+    cranks: FloatArray
+    rods: FloatArray
+
+    def __post_init__(self) -> None:
+        points = as_array("base_points", self.base_points, (None, 3))
+        shape = (len(points), 3)
+        fields = {
+            name: as_array(name, getattr(self, name), shape) for name in ("axes", "zeros", "platform_points")
+        }
+        fields["base_points"] = points
+        for name in ("axes", "zeros"):
+            sizes = np.linalg.norm(fields[name], axis=1, keepdims=True)
+            if not sizes.all():
+                raise InputError(
+                    f"{name}: leg {int(np.argmin(sizes)) + 1} has a vector of length zero; give a direction"
+                )
+            fields[name] = fields[name] / sizes
+        lean = np.abs(np.einsum("ij,ij->i", fields["axes"], fields["zeros"]))
+        if (lean > _SQUARE).any():
+            raise InputError(
+                f"zeros: that of leg {int(np.argmax(lean)) + 1} is not square to its axis, the cosine between them is "
+                f"{lean.max():.3g}; a crank turns in the plane across its axis"
+            )
+        for name in ("cranks", "rods"):
+            lengths = as_batch(name, getattr(self, name), ())
+            if lengths.shape not in ((), shape[:1]):
+                raise InputError(
+                    f"{name} must have shape ({shape[0]},) or be one number, got {lengths.shape}"
+                )
+            lengths = np.broadcast_to(lengths, shape[:1])
+            fields[name] = np.array([as_positive(f"{name}[{k}]", value) for k, value in enumerate(lengths)])
+        for name, value in fields.items():
+            kept = value.copy()
+            kept.setflags(write=False)
+            object.__setattr__(self, name, kept)
+
+
+@dataclass(frozen=True, eq=False)
+class CrankAngles:
+    """Crank angles for a pose, on both branches of every leg.
+
+    Attributes
+    ----------
+    angle
+        (..., n, 2) crank angles: first the branch on which a positive rate pushes the platform point away, then the
+        one on which it pulls; in (-π, π], or inside the limits by whole turns [rad]. Beyond a leg's reach both are the
+        angle that comes nearest.
+    within
+        (..., n, 2) whether the branch exists and keeps the limits.
+    shortage
+        (..., n) by how much a rod is too short (positive) or too long (negative); 0 within reach [m].
+    """
+
+    angle: FloatArray
+    within: BoolArray
+    shortage: FloatArray
+
+    @property
+    def success(self) -> BoolArray:
+        """(...) whether every leg has a branch within its limits [truth value, dimensionless]."""
+        return np.asarray(self.within.any(axis=-1).all(axis=-1))
+
+
+def crank_angles(
+    legs: RotaryLegs,
+    position: ArrayLike,
+    rotation: ArrayLike,
+    *,
+    limits: ArrayLike | None = None,
+    throw: bool = True,
+) -> CrankAngles:
+    """Compute the crank angles that put the platform at a pose, on both branches.
+
+    With d from the crank's centre to the platform point, r and l the lengths of crank and rod, e and f the directions
+    of the crank at angles 0 and π/2, the rod closes where 2 r (d·e cos θ + d·f sin θ) = d² + r² - l² [1]_.
+
+    Parameters
+    ----------
+    legs
+        Geometry.
+    position
+        (..., 3) platform origin in the base frame [m].
+    rotation
+        (..., 3, 3) platform axes in the base frame.
+    limits
+        (n, 2), or (2,) for all: least and greatest crank angle; default: none [rad].
+    throw
+        Whether a leg without a branch within its limits is an error; otherwise `CrankAngles.within` tells.
+
+    Returns
+    -------
+    CrankAngles
+        Angles of both branches.
+
+    Raises
+    ------
+    UnreachableError
+        If a leg cannot reach; names the leg, and what its rod or its limits would have to be.
+    SingularityError
+        If a platform point is on the axis of its crank, and any angle will do.
+    InputError
+        If an argument has the wrong shape or is not finite.
+
+    References
+    ----------
+    .. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., 2006, section 3.1 (inverse kinematics).
+    """
+    reach, _ = _reaches(legs, position, rotation)
+    along, square = _components(legs, reach)
+    in_plane = np.hypot(along, square)
+    distance2 = np.einsum("...i,...i->...", reach, reach)
+    # The rod's length must lie between the distances of the platform point from the crank's circle.
+    across2 = np.maximum(distance2 - in_plane**2, 0.0)
+    nearest = np.sqrt(across2 + (in_plane - legs.cranks) ** 2)
+    farthest = np.sqrt(across2 + (in_plane + legs.cranks) ** 2)
+    slack = _ROUND_OFF * (farthest + legs.rods)
+    short, long = nearest - legs.rods, legs.rods - farthest
+    shortage = np.where(short > slack, short, 0.0) - np.where(long > slack, long, 0.0)
+    # By half the angle: within reach both sides of the fraction are positive, and no cosine has to be clipped.
+    opening = 2 * np.arctan2(
+        np.sqrt(np.maximum(legs.rods**2 - nearest**2, 0.0)),
+        np.sqrt(np.maximum(farthest**2 - legs.rods**2, 0.0)),
+    )
+    towards = np.arctan2(square, along)
+    angle = np.stack([towards - opening, towards + opening], axis=-1)
+    low, high = _limits(limits, len(legs.cranks))
+    bounded = np.isfinite(low) & np.isfinite(high)
+    middle = (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0)) / 2
+    angle = angle - 2 * np.pi * np.ceil((angle - middle) / (2 * np.pi) - 0.5)
+    within = (shortage[..., None] == 0) & (angle >= low) & (angle <= high)
+    found = CrankAngles(angle, within, shortage)
+    anywhere = (shortage == 0) & (in_plane <= _SINGULAR * legs.cranks)
+    if anywhere.any():
+        raise SingularityError(
+            f"leg {int(np.argwhere(anywhere)[0][-1]) + 1}: the platform point is on the axis of the crank, so any "
+            "angle will do; move the platform",
+            smallest_singular_value=0.0,
+        )
+    if throw and not found.success.all():
+        raise _unreachable(legs, found, nearest, farthest, low, high)
+    return found
+
+
+def crank_jacobian(
+    legs: RotaryLegs, position: ArrayLike, rotation: ArrayLike, angle: ArrayLike
+) -> FloatArray:
+    """Compute the map from platform twist to crank rates.
+
+    Row *i* is [uᵀ, (R P × u)ᵀ] / (u · dc/dθ), with u along the rod from crank to platform and c(θ) the crank.
+
+    Parameters
+    ----------
+    legs
+        Geometry.
+    position
+        (..., 3) platform origin in the base frame [m].
+    rotation
+        (..., 3, 3) platform axes in the base frame.
+    angle
+        (..., n) crank angles that fit the pose [rad].
+
+    Returns
+    -------
+    numpy.ndarray
+        (..., n, 6) crank rates [rad/s] per twist [v; ω] of the platform origin in base axes [m/s, rad/s].
+
+    Raises
+    ------
+    SingularityError
+        If a crank is at a dead centre, in one plane with rod and axis: it cannot move the platform.
+    InputError
+        If an argument is wrong, or a rod has not its length at these angles.
+    """
+    reach, arms = _reaches(legs, position, rotation)
+    crank, sweep = crank_vectors(legs, angle)
+    require_broadcast(pose=reach.shape[:-2], angle=crank.shape[:-2])
+    rods = reach - crank
+    lengths = np.linalg.norm(rods, axis=-1)
+    off = np.abs(lengths - legs.rods) / legs.rods
+    if off.max(initial=0.0) > 1e-6:
+        leg = int(np.argwhere(off > 1e-6)[0][-1])
+        raise InputError(
+            f"angle: the rod of leg {leg + 1} would be {lengths[off > 1e-6][0]:.6g} m long, it is "
+            f"{legs.rods[leg]:.6g} m; see crank_angles"
+        )
+    u = rods / lengths[..., None]
+    gain = np.einsum("...i,...i->...", u, sweep)
+    dead = np.abs(gain) < _SINGULAR * legs.cranks
+    if dead.any():
+        leg = int(np.argwhere(dead)[0][-1])
+        raise SingularityError(
+            f"the crank of leg {leg + 1} is at a dead centre: its rod pushes along crank and axis only; move the "
+            "platform",
+            smallest_singular_value=float(np.abs(gain).min()),
+        )
+    return np.concatenate([u, np.cross(np.broadcast_to(arms, u.shape), u)], axis=-1) / gain[..., None]
+
+
+def _reaches(legs: RotaryLegs, position: ArrayLike, rotation: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Vectors from the cranks' centres to the platform points, and the arms R P, each (..., n, 3) [m]."""
+    position = as_batch("position", position, (3,))
+    rotation = as_rotation("rotation", rotation)
+    require_broadcast(position=position.shape[:-1], rotation=rotation.shape[:-2])
+    arms = np.einsum("...ij,kj->...ki", rotation, legs.platform_points)
+    return position[..., None, :] + arms - legs.base_points, arms
+
+
+def _components(legs: RotaryLegs, vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Components of vectors in the planes of the cranks: along angle 0 and along angle π/2."""
+    ahead = np.cross(legs.axes, legs.zeros)
+    return tuple(np.einsum("...ki,ki->...k", vector, direction) for direction in (legs.zeros, ahead))
+
+
+def crank_vectors(legs: RotaryLegs, angle: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Compute the cranks and their derivatives by the angle.
+
+    Parameters
+    ----------
+    legs
+        Geometry.
+    angle
+        (..., n) crank angles [rad].
+
+    Returns
+    -------
+    crank : numpy.ndarray
+        (..., n, 3) from centre to tip, in the base frame [m].
+    sweep : numpy.ndarray
+        (..., n, 3) derivative by the angle, in the base frame [m].
+    """
+    angle = as_batch("angle", angle, legs.cranks.shape)
+    cos, sin = np.cos(angle)[..., None], np.sin(angle)[..., None]
+    ahead, lengths = np.cross(legs.axes, legs.zeros), legs.cranks[:, None]
+    return lengths * (cos * legs.zeros + sin * ahead), lengths * (cos * ahead - sin * legs.zeros)
+
+
+def _limits(limits: ArrayLike | None, count: int) -> tuple[FloatArray, FloatArray]:
+    """Limits as (n, 1) arrays."""
+    if limits is None:
+        return np.full((count, 1), -np.inf), np.full((count, 1), np.inf)
+    try:
+        pair = np.broadcast_to(np.asarray(limits, dtype=float), (count, 2))
+    except ValueError:
+        raise InputError(f"limits must have shape ({count}, 2) or (2,), got {np.shape(limits)}") from None
+    if not (pair[:, 0] <= pair[:, 1]).all():
+        leg = int(np.argmin(pair[:, 0] <= pair[:, 1]))
+        raise InputError(f"limits: those of leg {leg + 1} are {pair[leg]}; give the least angle first")
+    return pair[:, :1], pair[:, 1:]
+
+
+def _unreachable(
+    legs: RotaryLegs,
+    found: CrankAngles,
+    nearest: FloatArray,
+    farthest: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+) -> UnreachableError:
+    """Name the first leg that has no branch."""
+    where = tuple(int(k) for k in np.argwhere(~found.within.any(axis=-1))[0])
+    leg, index = where[-1], f" at index {where[:-1]}" if where[:-1] else ""
+    if found.shortage[where]:
+        bounds = (float(legs.rods[leg]), float(nearest[where]), float(farthest[where]))
+        reason = (
+            f"its rod is {bounds[0]:.6g} m long, its platform point is {bounds[1]:.6g} to {bounds[2]:.6g} m from the "
+            "circle of its crank"
+        )
+    else:
+        # The branch that misses its limits by less.
+        beyond = np.maximum(low[leg] - found.angle[where], found.angle[where] - high[leg])
+        bounds = (float(found.angle[where][np.argmin(beyond)]), float(low[leg, 0]), float(high[leg, 0]))
+        reason = f"its crank would stand at {bounds[0]:.6g} rad, beyond its limits {bounds[1]:.6g} to {bounds[2]:.6g}"
+    return UnreachableError(
+        f"leg {leg + 1} cannot reach the pose{index}: {reason}; move the platform",
+        violations={f"leg {leg + 1}": bounds},
+        residual=float(np.abs(found.shortage).max()),
+        iterations=0,
+        q=found.angle,
+    )
