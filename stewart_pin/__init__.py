@@ -109,6 +109,19 @@ from stewart_pin.mechanics.kinematics import motor_jacobian as motor_jacobian
 from stewart_pin.mechanics.kinematics import motor_positions as motor_positions
 from stewart_pin.mechanics.kinematics import platform_motion as platform_motion
 from stewart_pin.mechanics.kinematics import platform_pose as platform_pose
+from stewart_pin.mechanics.linearisation.derivatives import EffortDerivatives as EffortDerivatives
+from stewart_pin.mechanics.linearisation.derivatives import MotionDerivatives as MotionDerivatives
+from stewart_pin.mechanics.linearisation.derivatives import (
+    forward_dynamics_derivatives as forward_dynamics_derivatives,
+)
+from stewart_pin.mechanics.linearisation.derivatives import (
+    inverse_dynamics_derivatives as inverse_dynamics_derivatives,
+)
+from stewart_pin.mechanics.linearisation.equilibrium import LinearSystem as LinearSystem
+from stewart_pin.mechanics.linearisation.equilibrium import linearise as linearise
+from stewart_pin.mechanics.linearisation.vibration import Vibration as Vibration
+from stewart_pin.mechanics.linearisation.vibration import natural_frequencies as natural_frequencies
+from stewart_pin.mechanics.linearisation.vibration import platform_stiffness as platform_stiffness
 from stewart_pin.mechanics.mobility import Mobility as Mobility
 from stewart_pin.mechanics.mobility import mobility as mobility
 from stewart_pin.mechanics.motion_map import MotionMap as MotionMap

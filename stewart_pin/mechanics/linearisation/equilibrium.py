@@ -1,0 +1,152 @@
+r"""The linear system that a chain is for small motions about an equilibrium.
+
+With :math:`\xi` coordinates along the motions T that keep the loops closed, :math:`\ddot\xi = A_{21}\,\xi + B_2\,δτ`.
+At rest, curvature of the motions meets no force that is not in balance already, so that the derivatives of the
+acceleration along T are all there is; velocities enter by their squares only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stewart_pin.checks import as_array
+from stewart_pin.errors import InputError
+from stewart_pin.mechanics.constrained import forward_dynamics, pinocchio_inverse_dynamics
+from stewart_pin.mechanics.freedom import Freedom, analyse_freedom
+from stewart_pin.mechanics.linearisation.derivatives import forward_dynamics_derivatives
+from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.typing import ArrayLike, FloatArray
+
+_AT_REST = 1e-6
+"""Acceleration, in robot sizes and radians per s², below which a state counts as an equilibrium: printed digits."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearSystem:
+    """Small motions about an equilibrium, d[ξ; ξ̇]/dt = A [ξ; ξ̇] + B δτ.
+
+    Attributes
+    ----------
+    A
+        (2n, 2n) system matrix [1, 1/s, 1/s²].
+    B
+        (2n, nu) input matrix: acceleration per motor effort [m or rad per N s² or N m s²].
+    motions
+        (nv, n) T, tangent displacement per coordinate: dq = T ξ [m, rad].
+    names
+        Names of the coordinates: the motors, then ``idle 1`` and so on.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+    tau_motor
+        (nu,) motor efforts that hold it [N or N m].
+    """
+
+    A: FloatArray
+    B: FloatArray
+    motions: FloatArray
+    names: tuple[str, ...]
+    q: FloatArray
+    tau_motor: FloatArray
+
+
+def linearise(chain: ClosedChain, q: ArrayLike, *, tau_motor: ArrayLike | None = None) -> LinearSystem:
+    """Linearise the motion of a chain about an equilibrium.
+
+    The coordinates are the displacements of the motors (or of as many of them as the chain has freedoms), and of the
+    idle freedoms.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    tau_motor
+        (nu,) motor efforts that hold it there [N or N m]; default: those that gravity needs.
+
+    Returns
+    -------
+    LinearSystem
+        A, B and the coordinates.
+
+    Raises
+    ------
+    ActuationError
+        If the motors cannot hold the robot.
+    InputError
+        If the loops are open, or the efforts do not hold the configuration.
+    SingularityError
+        If a motion that motors or platform take part in has no inertia.
+
+    Notes
+    -----
+    Idle freedoms with inertia but nothing that holds them stay in the system, with zero eigenvalues; those without
+    inertia do not move.
+    """
+    q = as_configuration(chain, "q", q)
+    rest = np.zeros(chain.nv)
+    needed = pinocchio_inverse_dynamics(chain, q, rest, rest)
+    tau = needed.tau_motor if tau_motor is None else as_array("tau_motor", tau_motor, (chain.nu,))
+    left = forward_dynamics(chain, q, rest, tau).a / chain.tangent_scale
+    if np.abs(left).max(initial=0.0) > _AT_REST * max(1.0, float(np.linalg.norm(chain.gravity))):
+        worst = int(np.argmax(np.abs(left)))
+        raise InputError(
+            f"q is no equilibrium under these efforts: '{chain.tangent_names[worst]}' accelerates with "
+            f"{left[worst]:.3g} robot sizes or radians per s²; leave tau_motor out, or choose a configuration at rest "
+            "(idle freedoms hang down)"
+        )
+    freedom = analyse_freedom(chain, q)
+    motions, names = coordinate_motions(chain, freedom)
+    slopes = forward_dynamics_derivatives(chain, q, rest, tau)
+    scale = chain.tangent_scale[:, None]
+    coordinates = np.linalg.pinv(motions / scale) / scale.T  # ξ of a motion
+    n = motions.shape[1]
+    A = np.zeros((2 * n, 2 * n))
+    A[:n, n:] = np.eye(n)
+    A[n:, :n] = coordinates @ slopes.a_q @ motions
+    B = np.vstack([np.zeros((n, chain.nu)), coordinates @ slopes.a_tau])
+    return LinearSystem(A, B, motions, names, q, tau)
+
+
+def coordinate_motions(chain: ClosedChain, freedom: Freedom) -> tuple[FloatArray, tuple[str, ...]]:
+    """Choose readable coordinates of the motions: motors first, idle freedoms after.
+
+    Parameters
+    ----------
+    chain
+        Closed chain whose motors hold it.
+    freedom
+        Its motions at a configuration.
+
+    Returns
+    -------
+    motions : numpy.ndarray
+        (nv, n) motion per unit of each coordinate: a motor with the other ones at rest, or an idle freedom [m, rad].
+    names : tuple of str
+        One per coordinate.
+    """
+    scale = chain.tangent_scale[:, None]
+    idle = freedom.idle / scale
+    basis = freedom.motions / scale
+    held = np.linalg.svd(basis - idle @ (idle.T @ basis))[0][:, : basis.shape[1] - idle.shape[1]]
+    share = (held * scale)[chain.motor_index]
+    motors = list(range(chain.nu))
+    if chain.nu > held.shape[1]:
+        motors = _independent(share / chain.tangent_scale[chain.motor_index, None], held.shape[1])
+    moving = scale * held @ np.linalg.inv(share[motors])
+    names = [*(chain.motors[k] for k in motors), *(f"idle {k + 1}" for k in range(idle.shape[1]))]
+    return np.hstack([moving, freedom.idle]), tuple(names)
+
+
+def _independent(share: FloatArray, count: int) -> list[int]:
+    """Pick rows one after the other, each the first that is not nearly dependent on those before."""
+    chosen: list[int] = []
+    for k in range(share.shape[0]):
+        rows = share[[*chosen, k]]
+        if len(chosen) < count and np.linalg.svd(rows, compute_uv=False)[-1] > 1e-3 * np.linalg.norm(
+            share, 2
+        ):
+            chosen.append(k)
+    return chosen
