@@ -56,6 +56,16 @@ def test_rates_and_accelerations(chain: stp.ClosedChain, q: np.ndarray, rng: np.
         close(found.acceleration_v @ d, derivative(lambda t: acceleration(q, v + t * d)), DIFFERENCES)
 
 
+def test_agrees_with_the_jacobian_s_rate(
+    chain: stp.ClosedChain, q: np.ndarray, rng: np.random.Generator
+) -> None:
+    """The rate of J_c v along d is the derivative of the Jacobian along d, found from the bias alone, times v."""
+    v, d = rng.normal(size=(2, chain.nv))
+    found = row_derivatives(chain, q, v, np.zeros(chain.nv)).rate_q @ d
+    expected = stp.loop_jacobian_rate(chain, q, d, v[:, None])[:, 0]
+    np.testing.assert_allclose(found, expected, atol=1e-12 * (1 + np.abs(expected).max(initial=0.0)))
+
+
 def test_reactions(chain: stp.ClosedChain, q: np.ndarray, rng: np.random.Generator) -> None:
     lambda_c, d = rng.normal(size=chain.nc), rng.normal(size=chain.nv)
     v, a = rng.normal(size=(2, chain.nv))

@@ -232,21 +232,13 @@ def _idle_turning(chain: ClosedChain, q: Configuration, idle: Tangent) -> FloatA
 
 
 def _platform_rate(chain: ClosedChain, q: Configuration, v: Tangent) -> FloatArray:
-    """Differentiate the platform's twist, in world axes, with respect to the configuration: (6, nv)."""
+    """Differentiate the platform's twist, where a motion leaves it at rest, with respect to q: (6, nv), world axes."""
     data = pin.Data(chain.model)
     pin.computeForwardKinematicsDerivatives(chain.model, data, q, v, np.zeros(chain.nv))
-    frame = chain.platform_id
-    local = pin.ReferenceFrame.LOCAL
-    oMp = pin.updateFramePlacement(chain.model, data, frame)
-    twist = pin.getFrameVelocity(chain.model, data, frame, local).vector
-    by_q = np.reshape(pin.getFrameVelocityDerivatives(chain.model, data, frame, local)[0], (6, chain.nv))
-    turn = np.reshape(pin.computeFrameJacobian(chain.model, data, q, frame, local), (6, chain.nv))[3:]
-    rotation = np.kron(np.eye(2), oMp.rotation)
-    # d(R V) = R (δω × V + dV), for both halves of the twist.
-    spun = np.vstack(
-        [np.cross(turn, twist[:3], axisa=0, axisc=0), np.cross(turn, twist[3:], axisa=0, axisc=0)]
-    )
-    return rotation @ (by_q + spun)
+    oMp = pin.updateFramePlacement(chain.model, data, chain.platform_id)
+    # The turning of the axes acts on the twist, which is zero.
+    by_q = pin.getFrameVelocityDerivatives(chain.model, data, chain.platform_id, pin.ReferenceFrame.LOCAL)[0]
+    return np.kron(np.eye(2), oMp.rotation) @ np.reshape(by_q, (6, chain.nv))
 
 
 def _inverse_inertia(chain: ClosedChain, inertia: FloatArray, motions: FloatArray) -> FloatArray:
