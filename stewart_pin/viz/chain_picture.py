@@ -11,11 +11,10 @@ from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.tree import link_frame
 from stewart_pin.typing import ArrayLike, FloatArray
+from stewart_pin.viz.body_points import body_points
 from stewart_pin.viz.figures import new_figure
 
 _GROUND, _PLATFORM, _BODY, _MOTOR, _LOOP = "0.45", "C0", "0.2", "C3", "C2"
-_SAME = 1e-6
-"""Points nearer than this are one point, in robot sizes."""
 
 
 def plot_chain(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
@@ -65,16 +64,10 @@ def plot_chain(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
 
 def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> FloatArray:
     """Draw the outline of every link's points, in the world [m]; return all points."""
-    points: dict[str, list[FloatArray]] = {link.name: [] for link in chain.mechanism.links}
-    for joint in chain.mechanism.joints:
-        if joint.kind is not JointKind.FLOATING:  # which holds nothing together
-            points[joint.parent].append(frames[joint.parent].act(joint.placement.translation))
-            points[joint.child].append(np.array(frames[joint.child].translation))
-    for loop in chain.loops:
-        for link, placement in ((loop.link1, loop.placement1), (loop.link2, loop.placement2)):
-            points[link].append(frames[link].act(placement.translation))
-    for link, found in points.items():
-        distinct = _distinct(np.array(found).reshape(-1, 3), _SAME * chain.length_scale)
+    everything = [np.array(frames[chain.platform].translation)[None]]
+    for link, local in body_points(chain).items():
+        distinct = local @ frames[link].rotation.T + frames[link].translation
+        everything.append(distinct)
         if len(distinct) < 2:
             continue
         label, colour = "body", _BODY
@@ -84,8 +77,7 @@ def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> F
             label, colour = "platform", _PLATFORM
         outline = _around(distinct)
         axis.plot(*np.vstack([outline, outline[:1]]).T, color=colour, linewidth=2.2, label=label)
-    everything = [point for found in points.values() for point in found]
-    return np.vstack([*everything, frames[chain.platform].translation])
+    return np.vstack(everything)
 
 
 def _draw_joints(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
@@ -125,14 +117,6 @@ def _draw_platform(axis: Any, chain: ClosedChain, pose: pin.SE3) -> None:
     for direction, colour in zip(pose.rotation.T, ("r", "g", "b"), strict=True):
         end = pose.translation + 0.2 * chain.length_scale * direction
         axis.plot(*np.array([pose.translation, end]).T, color=colour, linewidth=1.2)
-
-
-def _distinct(points: FloatArray, same: float) -> FloatArray:
-    kept: list[FloatArray] = []
-    for point in points:
-        if all(np.linalg.norm(point - other) > same for other in kept):
-            kept.append(point)
-    return np.array(kept).reshape(-1, 3)
 
 
 def _around(points: FloatArray) -> FloatArray:

@@ -1,0 +1,195 @@
+"""Surfaces of a robot at a closed configuration: the visuals of its URDF, and simple shapes where there are none.
+
+yourdfpy reads shapes, meshes and colours. It would place the links by its own kinematics, which knows neither loops nor
+ball joints; here it gets the links alone, each on the world, and the chain places them.
+"""
+
+from __future__ import annotations
+
+import copy
+import io
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from stewart_pin.errors import FileFormatError, FileMissingError, MissingExtraError
+from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.model.description import Joint, JointKind
+from stewart_pin.model.formats.xml import read_xml
+from stewart_pin.model.tree import link_frame
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray
+from stewart_pin.viz.body_points import body_points
+
+_WORLD = "scene_world"
+"""Name of the scene's root: no link of a robot is called so."""
+_THIN = 0.02
+"""Thickness of the simple shapes, in robot sizes."""
+_GROUND, _PLATFORM, _BODY, _DRIVEN = (
+    (110, 110, 110, 255),
+    (31, 119, 180, 255),
+    (70, 70, 70, 255),
+    (214, 39, 40, 255),
+)
+
+
+def build_scene(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
+    """Place the surfaces of a robot.
+
+    Links take the ``<visual>`` elements of the URDF that the chain was read from. A link without any becomes a rod, a
+    plate or a ball through the points where joints and loops hold it.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration, loops closed or open; default: home [m, rad, unit quaternions].
+
+    Returns
+    -------
+    trimesh.Scene
+        One graph node per link, of its name, lengths in metres; ``scene.export("robot.glb")`` writes it for any viewer,
+        ``scene.show()`` opens one.
+
+    Raises
+    ------
+    MissingExtraError
+        If yourdfpy (with trimesh) is not installed.
+    FileMissingError
+        If a mesh that the URDF names does not exist.
+    FileFormatError
+        If a visual cannot be read.
+    """
+    try:
+        import trimesh  # noqa: PLC0415 - optional and slow
+        import yourdfpy  # noqa: F401, PLC0415 - optional and slow
+    except ImportError:
+        raise MissingExtraError("yourdfpy", "scene") from None
+    q = chain.q_home if q is None else as_configuration(chain, "q", q)
+    scene, dressed = _visuals(chain.mechanism.source)
+    if scene is None:
+        scene = trimesh.Scene(base_frame=_WORLD)
+    data = pin.Data(chain.model)
+    pin.framesForwardKinematics(chain.model, data, q)
+    points = body_points(chain)
+    for link in chain.mechanism.links:
+        placement = data.oMf[link_frame(chain.model, link.name)].homogeneous
+        scene.graph.update(frame_to=link.name, frame_from=_WORLD, matrix=placement)
+        if link.name not in dressed:
+            for k, shape in enumerate(_simple_shapes(chain, q, link.name, points[link.name])):
+                name = f"{link.name} shape {k + 1}"
+                scene.add_geometry(shape, node_name=name, geom_name=name, parent_node_name=link.name)
+    return scene
+
+
+def _visuals(source: str) -> tuple[Any, set[str]]:
+    """Load the visuals of a URDF: a scene with every link at the world, and the links that have any."""
+    path = Path(source)
+    if not source or not path.is_file() or path.suffix.lower() not in (".urdf", ".xml"):
+        return None, set()
+    root = read_xml(path)
+    links = [link for link in root.findall("link") if link.get("name") and link.find("visual") is not None]
+    if root.tag != "robot" or not links:
+        return None, set()
+    import yourdfpy  # noqa: PLC0415 - optional and slow
+
+    star = etree.Element("robot", name="visuals")
+    star.extend(copy.deepcopy(material) for material in root.findall("material"))
+    etree.SubElement(star, "link", name=_WORLD)
+    for link in links:
+        name = str(link.get("name"))
+        bare = etree.SubElement(star, "link", name=name)
+        bare.extend(copy.deepcopy(visual) for visual in link.findall("visual"))
+        joint = etree.SubElement(star, "joint", name=f"{name} on the world", type="fixed")
+        etree.SubElement(joint, "parent", link=_WORLD)
+        etree.SubElement(joint, "child", link=name)
+    find = yourdfpy.urdf.filename_handler_magic
+
+    def existing(fname: str) -> str:
+        found = find(fname, dir=str(path.parent))
+        if not Path(found).is_file():
+            raise FileMissingError(
+                f"the mesh '{fname}' of a <visual> is missing beside the URDF; put it there, or remove the <visual>",
+                path=str(path),
+                culprit=fname,
+            )
+        return found
+
+    for mesh in star.iter("mesh"):
+        existing(mesh.get("filename") or "")
+    # It warns of what it does not find; that has been asked already, and the rest is an error below.
+    logging.getLogger("yourdfpy").setLevel(logging.ERROR)
+    try:
+        urdf = yourdfpy.URDF.load(io.BytesIO(etree.tostring(star)), filename_handler=existing)
+    except FileMissingError:
+        raise
+    except Exception as error:  # its parser and trimesh's loaders raise whatever they meet
+        raise FileFormatError(
+            f"a <visual> cannot be read: {error}", path=str(path), culprit="<visual>"
+        ) from error
+    return urdf.scene, {str(link.get("name")) for link in links}
+
+
+def _simple_shapes(chain: ClosedChain, q: Configuration, link: str, points: FloatArray) -> list[Any]:
+    """Shapes through a link's points, in the link frame: a plate through many, a rod between two; and its joint."""
+    import trimesh  # noqa: PLC0415 - optional and slow
+
+    thick = _THIN * chain.length_scale
+    colour = _GROUND if link == chain.mechanism.root else _PLATFORM if link == chain.platform else _BODY
+    shapes: list[Any] = []
+    if len(points) == 2:
+        shapes.append(trimesh.creation.cylinder(radius=thick / 2, segment=points))
+    elif len(points) > 2:
+        shapes.append(_plate(points, thick))
+    elif len(points) == 1 and chain.mechanism.link(link).inertia is not None:
+        shapes.append(_rod_to_centre(chain, link, points[0], thick))
+    for shape in shapes:
+        shape.visual.face_colors = colour
+    joint = next((joint for joint in chain.mechanism.joints if joint.child == link), None)
+    if joint is not None and joint.has_axis:
+        shapes += _joint_shape(chain, q, joint, thick)
+    return shapes
+
+
+def _joint_shape(chain: ClosedChain, q: Configuration, joint: Joint, thick: float) -> list[Any]:
+    """Make a ball where a motor turns, a thin rod back to the parent along a slide; red where a motor drives it."""
+    import trimesh  # noqa: PLC0415 - optional and slow
+
+    driven = joint.name in chain.motors
+    shape: Any
+    if joint.kind is JointKind.REVOLUTE:
+        if not driven:
+            return []
+        shape = trimesh.creation.icosphere(radius=thick, subdivisions=2)
+    else:
+        travel = q[chain.model.joints[chain.model.getJointId(joint.name)].idx_q]
+        if abs(travel) < thick / 10:
+            return []
+        shape = trimesh.creation.cylinder(radius=thick / 5, segment=[-travel * joint.axis, np.zeros(3)])
+    shape.visual.face_colors = _DRIVEN if driven else _BODY
+    return [shape]
+
+
+def _plate(points: FloatArray, thick: float) -> Any:
+    """Convex hull of balls about the points: a plate where they lie in a plane."""
+    import trimesh  # noqa: PLC0415 - optional and slow
+
+    ball = trimesh.creation.icosphere(radius=thick / 2, subdivisions=1).vertices
+    return trimesh.convex.convex_hull((points[:, None, :] + ball[None]).reshape(-1, 3))
+
+
+def _rod_to_centre(chain: ClosedChain, link: str, point: FloatArray, thick: float) -> Any:
+    """Rod from a lonely point through the centre of mass, as far again beyond it."""
+    import trimesh  # noqa: PLC0415 - optional and slow
+
+    inertia = chain.mechanism.link(link).inertia
+    end = point if inertia is None else 2 * np.array(inertia.lever) - point
+    if np.linalg.norm(end - point) < thick / 10:
+        ball = trimesh.creation.icosphere(radius=thick, subdivisions=2)
+        ball.apply_translation(point)
+        return ball
+    return trimesh.creation.cylinder(radius=thick / 2, segment=[point, end])
