@@ -16,6 +16,8 @@ from stewart_pin.building.exporting import export as export
 from stewart_pin.building.exporting import write_urdf as write_urdf
 from stewart_pin.building.floating_base import on_floating_base as on_floating_base
 from stewart_pin.building.from_hexapod import hexapod_chain as hexapod_chain
+from stewart_pin.building.hexapod_table import hexapod_inertias as hexapod_inertias
+from stewart_pin.building.hexapod_table import read_hexapod as read_hexapod
 from stewart_pin.building.loading import load as load
 from stewart_pin.building.resources import robots as robots
 from stewart_pin.building.variants import massless_legs as massless_legs
@@ -36,6 +38,9 @@ from stewart_pin.geometry.hexapod import leg_lengths as leg_lengths
 from stewart_pin.geometry.hexapod import point_mass_forces as point_mass_forces
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies as HexapodBodies
 from stewart_pin.geometry.hexapod_bodies import RigidBody as RigidBody
+from stewart_pin.geometry.hexapod_designs import cubic_hexapod as cubic_hexapod
+from stewart_pin.geometry.hexapod_designs import hexapod_6_3 as hexapod_6_3
+from stewart_pin.geometry.hexapod_designs import semi_regular_hexapod as semi_regular_hexapod
 from stewart_pin.geometry.hexapod_dynamics import HexapodForces as HexapodForces
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics as hexapod_inverse_dynamics
 from stewart_pin.geometry.hexapod_pose import HexapodPose as HexapodPose

@@ -86,7 +86,7 @@ def hexapod_chain(
         if not isinstance(inertia, pin.Inertia) and not (argument == "base" and inertia is None):
             raise InputError(f"{argument} must be a pinocchio.Inertia, got {type(inertia).__name__}")
     low, high = _stroke(stroke)
-    pose = pin.SE3(np.eye(3), _default_home(hexapod, low, high)) if home is None else as_pose("home", home)
+    pose = pin.SE3(np.eye(3), default_home(hexapod, low, high)) if home is None else as_pose("home", home)
     axes = (_X, _Y) if lower_joint == "universal" else (_X, _Y, _Z)
     links = [Link("base", base), Link("platform", platform)]
     joints = [Joint("platform_pose", JointKind.FLOATING, "base", "platform", pin.SE3.Identity())]
@@ -157,8 +157,21 @@ def _leg_values(names: list[str], motor: str, leg: FloatArray) -> dict[str, Floa
     }
 
 
-def _default_home(hexapod: Hexapod, low: float, high: float) -> FloatArray:
-    """Level platform above the base's centre, its legs in the middle of the stroke (or as tall as the base is wide)."""
+def default_home(hexapod: Hexapod, low: float, high: float) -> FloatArray:
+    """Place a level platform above the base's centre.
+
+    Parameters
+    ----------
+    hexapod
+        Leg ends [m].
+    low, high
+        Stroke of the legs; without an end, the platform stands as high as the base is wide [m].
+
+    Returns
+    -------
+    numpy.ndarray
+        (3,) position at which the mean leg length is about the middle of the stroke, in the base frame [m].
+    """
     spread = hexapod.platform_points - hexapod.base_points
     centre = -spread.mean(axis=0)
     across = np.linalg.norm((spread + centre)[:, :2], axis=1).mean()

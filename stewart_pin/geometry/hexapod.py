@@ -10,13 +10,14 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from stewart_pin.checks import as_array, as_batch, as_positive, require_broadcast
-from stewart_pin.errors import SingularityError
+from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -53,6 +54,45 @@ class Hexapod:
             points = as_array(name, getattr(self, name), (6, 3)).copy()
             points.setflags(write=False)
             object.__setattr__(self, name, points)
+
+    @classmethod
+    def from_points(cls, table: ArrayLike) -> Hexapod:
+        """Take the twelve leg ends from one table.
+
+        Parameters
+        ----------
+        table
+            (6, 6) one leg per row, base x y z, platform x y z; or (12, 3) six base points, then the platform's [m].
+
+        Returns
+        -------
+        Hexapod
+            Legs in the order of the rows.
+
+        Raises
+        ------
+        InputError
+            If the table has another shape, or a row holds something else than finite numbers; names the row.
+
+        Examples
+        --------
+        >>> rows = [[k // 2 - 1, k % 2, 0, k % 3 - 1, k // 3, 0] for k in range(6)]
+        >>> Hexapod.from_points(rows).platform_points[1]
+        array([0., 0., 0.])
+        """
+        if not isinstance(table, Sequence | np.ndarray) or isinstance(table, str):
+            raise InputError(f"table must be rows of numbers, got {type(table).__name__}")
+        rows = [as_array(f"table row {k}", row, (None,)) for k, row in enumerate(table, start=1)]
+        width = {6: 6, 12: 3}.get(len(rows))
+        if width is None:
+            raise InputError(
+                f"table must have 6 rows of base x y z, platform x y z, or 12 rows of x y z, got {len(rows)} rows"
+            )
+        for k, row in enumerate(rows, start=1):
+            if len(row) != width:
+                raise InputError(f"table row {k} has {len(row)} numbers, one of {len(rows)} rows has {width}")
+        points = np.array(rows)
+        return cls(points[:, :3], points[:, 3:]) if width == 6 else cls(points[:6], points[6:])
 
     @classmethod
     def from_chain(cls, chain: _HasLegPoints) -> Hexapod:
