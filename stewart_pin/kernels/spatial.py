@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from stewart_pin.typing import ArrayLike
+from stewart_pin.typing import ArrayLike, FloatArray
 
 _ROUND_OFF = 1e-15
 """Entries of constants this near to 0, 1 or -1, where 1 is the largest entry of a rotation, are meant to be those."""
@@ -178,6 +178,25 @@ class Masses:
     def empty(self) -> bool:
         """Whether nothing has mass."""
         return self.mass == 0.0 and not self.second.any()
+
+    def seen_from(self, rotation: FloatArray, translation: FloatArray) -> Masses:
+        """Take moments about another frame.
+
+        Parameters
+        ----------
+        rotation
+            (3, 3) rotation of that frame in this one.
+        translation
+            (3,) its origin in this one [m].
+
+        Returns
+        -------
+        Masses
+            Of the same body.
+        """
+        first = self.first - self.mass * translation
+        second = self.second - np.outer(first, translation) - np.outer(translation, self.first)
+        return Masses(self.mass, rotation.T @ first, rotation.T @ second @ rotation)
 
 
 def inertial_force(masses: Masses, acceleration: ca.SX, turning: ca.SX) -> tuple[ca.SX, ca.SX]:

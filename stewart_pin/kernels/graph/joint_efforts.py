@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 import numpy as np
 
 from stewart_pin.kernels.graph.joint_motion import Motions, Placements
 from stewart_pin.kernels.spatial import constant, couple, inertial_force
-from stewart_pin.kernels.tree import Tree, TreeJoint
+from stewart_pin.kernels.tree import TreeJoint
 from stewart_pin.model.description import JointKind
 
 Wrench = tuple[ca.SX, ca.SX]
 """Force and moment about the body's origin, (3, k) each, in the body's axes."""
 
 
-def tree_efforts(tree: Tree, at: Placements, moving: Motions) -> ca.SX:
+def tree_efforts(joints: Sequence[TreeJoint], at: Placements, moving: Motions) -> ca.SX:
     """Compute the joint efforts that make the tree move as it does.
 
     Parameters
     ----------
-    tree
-        Constants.
+    joints
+        Joints of a tree.
     at
         Placements of the bodies.
     moving
@@ -33,16 +33,16 @@ def tree_efforts(tree: Tree, at: Placements, moving: Motions) -> ca.SX:
     casadi.SX
         (nv, 1) efforts of all joints.
     """
-    return efforts_of_wrenches(tree, at, inertial_wrenches(tree, moving), 1)
+    return efforts_of_wrenches(joints, at, inertial_wrenches(joints, moving), 1)
 
 
-def inertial_wrenches(tree: Tree, moving: Motions) -> dict[int, Wrench]:
+def inertial_wrenches(joints: Sequence[TreeJoint], moving: Motions) -> dict[int, Wrench]:
     """Compute the wrenches that make the bodies move as they do.
 
     Parameters
     ----------
-    tree
-        Constants.
+    joints
+        Joints of a tree.
     moving
         Motions of the bodies, gravity among their accelerations.
 
@@ -52,27 +52,29 @@ def inertial_wrenches(tree: Tree, moving: Motions) -> dict[int, Wrench]:
         ``{body: (force, moment)}`` of the bodies that need one.
     """
     # A prismatic joint hands a couple on unchanged: bodies that slide on each other turn as one.
-    second = [np.zeros((3, 3)), *(joint.masses.second for joint in tree.joints)]
-    for k in range(len(tree.joints), 0, -1):
-        joint = tree.joints[k - 1]
+    second = [np.zeros((3, 3)), *(joint.masses.second for joint in joints)]
+    for k in range(len(joints), 0, -1):
+        joint = joints[k - 1]
         if joint.kind is JointKind.PRISMATIC and joint.parent:
             second[joint.parent] = second[joint.parent] + joint.rotation @ second[k] @ joint.rotation.T
             second[k] = np.zeros((3, 3))
     wrenches: dict[int, Wrench] = {}
-    for k, joint in enumerate(tree.joints, start=1):
+    for k, joint in enumerate(joints, start=1):
         if not joint.masses.empty or second[k].any():
             force, moment = inertial_force(joint.masses, moving.acceleration[k], moving.turning[k])
             wrenches[k] = force, moment + couple(moving.turning[k], constant(second[k]))
     return wrenches
 
 
-def efforts_of_wrenches(tree: Tree, at: Placements, wrenches: Mapping[int, Wrench], columns: int) -> ca.SX:
-    """Carry wrenches down the tree.
+def efforts_of_wrenches(
+    joints: Sequence[TreeJoint], at: Placements, wrenches: Mapping[int, Wrench], columns: int
+) -> ca.SX:
+    """Compute the joint efforts that do the same work as wrenches on the bodies.
 
     Parameters
     ----------
-    tree
-        Constants.
+    joints
+        Joints of a tree.
     at
         Placements of the bodies.
     wrenches
@@ -83,24 +85,49 @@ def efforts_of_wrenches(tree: Tree, at: Placements, wrenches: Mapping[int, Wrenc
     Returns
     -------
     casadi.SX
-        (nv, columns) joint efforts that do the same work.
+        (nv, columns) joint efforts.
     """
-    carried = dict(wrenches)
-    efforts = ca.SX(tree.nv, columns)
-    for k in range(len(tree.joints), 0, -1):
+    return carry_down(joints, at, wrenches, columns)[0]
+
+
+def carry_down(
+    joints: Sequence[TreeJoint], at: Placements, wrenches: Mapping[int, Wrench], columns: int
+) -> tuple[ca.SX, Wrench]:
+    """Carry wrenches from the bodies down to the root of the tree.
+
+    Parameters
+    ----------
+    joints
+        Joints of a tree.
+    at
+        Placements of the bodies.
+    wrenches
+        ``{body: (force, moment)}`` that act on the bodies, several columns at once.
+    columns
+        Number of columns.
+
+    Returns
+    -------
+    efforts : casadi.SX
+        (nv, columns) joint efforts that do the same work.
+    root : tuple
+        The wrench that arrives at the root, in its axes.
+    """
+    carried = {0: (ca.SX(3, columns), ca.SX(3, columns)), **wrenches}
+    efforts = ca.SX(max((joint.v.stop for joint in joints), default=0), columns)
+    for k in range(len(joints), 0, -1):
         if k not in carried:
             continue
-        joint = tree.joints[k - 1]
+        joint = joints[k - 1]
         force, moment = carried.pop(k)
         efforts[joint.v, :] = joint_effort(joint, force, moment)
-        if joint.parent:
-            force = at.to_parent[k] @ force
-            moment = at.to_parent[k] @ moment + moments_of(at.origin[k], force)
-            if joint.parent in carried:
-                beside = carried[joint.parent]
-                force, moment = force + beside[0], moment + beside[1]
-            carried[joint.parent] = force, moment
-    return efforts
+        force = at.to_parent[k] @ force
+        moment = at.to_parent[k] @ moment + moments_of(at.origin[k], force)
+        if joint.parent in carried:
+            beside = carried[joint.parent]
+            force, moment = force + beside[0], moment + beside[1]
+        carried[joint.parent] = force, moment
+    return efforts, carried[0]
 
 
 def joint_effort(joint: TreeJoint, force: ca.SX, moment: ca.SX) -> ca.SX:

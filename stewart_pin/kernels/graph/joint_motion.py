@@ -6,6 +6,7 @@ enters the dynamics. Where Pinocchio's spatial acceleration of a floating joint 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -18,13 +19,16 @@ from stewart_pin.kernels.spatial import (
     turn_from_quaternion,
     turning_matrix,
 )
-from stewart_pin.kernels.tree import Tree, TreeJoint
+from stewart_pin.kernels.tree import TreeJoint
 from stewart_pin.model.description import JointKind
+
+JointPlacement = tuple[ca.SX, ca.SX]
+"""(3, 3) rotation and (3, 1) translation of the child in the joint frame."""
 
 
 @dataclass(frozen=True, eq=False)
 class Placements:
-    """Where every body is; entry 0 is the ground.
+    """Where every body is; entry 0 is the root.
 
     Attributes
     ----------
@@ -33,9 +37,9 @@ class Placements:
     origin
         (3, 1) of each body in its parent [m].
     to_world
-        (3, 3) rotation of each body in the world.
+        (3, 3) rotation of each body in the root.
     in_world
-        (3, 1) origin of each body in the world [m].
+        (3, 1) origin of each body in the root [m].
     """
 
     to_parent: tuple[ca.SX, ...]
@@ -46,7 +50,7 @@ class Placements:
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """How every body moves, in its own axes; entry 0 is the ground.
+    """How every body moves, in its own axes; entry 0 is the root.
 
     Attributes
     ----------
@@ -69,25 +73,63 @@ class Motions:
     turning: tuple[ca.SX, ...]
 
 
-def placements(tree: Tree, q: ca.SX) -> Placements:
+@dataclass(frozen=True, eq=False)
+class RootMotion:
+    """How the body that carries the tree moves, in its own axes.
+
+    Attributes
+    ----------
+    omega
+        (3, 1) angular velocity [rad/s].
+    omega_rate
+        (3, 1) angular acceleration [rad/s²].
+    velocity
+        (3, 1) of its origin [m/s].
+    acceleration
+        (3, 1) of its origin, less that of free fall [m/s²].
+    """
+
+    omega: ca.SX
+    omega_rate: ca.SX
+    velocity: ca.SX
+    acceleration: ca.SX
+
+
+def at_rest(gravity: ca.SX) -> RootMotion:
+    """Let the ground carry the tree.
+
+    Parameters
+    ----------
+    gravity
+        (3, 1) acceleration of free fall in world axes [m/s²].
+
+    Returns
+    -------
+    RootMotion
+        No motion, but what falls is left behind.
+    """
+    zero = ca.SX.zeros(3)
+    return RootMotion(zero, zero, zero, -gravity)
+
+
+def placements(joints: Sequence[TreeJoint], moved: Sequence[JointPlacement]) -> Placements:
     """Place every body.
 
     Parameters
     ----------
-    tree
-        Constants.
-    q
-        (nq, 1) configuration, quaternions of unit length.
+    joints
+        Joints of a tree; its root stands for the world.
+    moved
+        How each joint has moved, from `joint_placement` or a closed form.
 
     Returns
     -------
     Placements
-        Of ground and bodies.
+        Of root and bodies.
     """
     to_parent, origin = [ca.SX.eye(3)], [ca.SX.zeros(3)]
     to_world, in_world = [ca.SX.eye(3)], [ca.SX.zeros(3)]
-    for joint in tree.joints:
-        turn, shift = _joint_placement(joint, q[joint.q])
+    for joint, (turn, shift) in zip(joints, moved, strict=True):
         to_parent.append(rotation_constant(joint.rotation) @ turn)
         origin.append(constant(joint.translation) + rotation_constant(joint.rotation) @ shift)
         to_world.append(to_world[joint.parent] @ to_parent[-1])
@@ -95,29 +137,42 @@ def placements(tree: Tree, q: ca.SX) -> Placements:
     return Placements(tuple(to_parent), tuple(origin), tuple(to_world), tuple(in_world))
 
 
-def motions(tree: Tree, at: Placements, v: ca.SX, a: ca.SX, gravity: ca.SX) -> Motions:
+def motions(
+    joints: Sequence[TreeJoint],
+    at: Placements,
+    v: ca.SX,
+    a: ca.SX,
+    root: RootMotion,
+    *,
+    known: Mapping[int, tuple[ca.SX, ca.SX]] | None = None,
+) -> Motions:
     """Move every body.
 
     Parameters
     ----------
-    tree
-        Constants.
+    joints
+        Joints of a tree.
     at
         Placements of the bodies.
     v, a
         (nv, 1) tangent velocity and acceleration, Pinocchio's convention.
-    gravity
-        (3, 1) acceleration of free fall in world axes [m/s²].
+    root
+        Motion of the root.
+    known
+        ``{body: (point, acceleration)}`` for bodies of which the acceleration of a point is known otherwise, both in
+        their axes; it saves the way through the joints.
 
     Returns
     -------
     Motions
-        Of ground and bodies.
+        Of root and bodies.
     """
-    zero = ca.SX.zeros(3)
-    omega, omega_rate, velocity, acceleration = [zero], [zero], [zero], [-gravity]
-    turning = [ca.SX.zeros(3, 3)]
-    for k, joint in enumerate(tree.joints, start=1):
+    known = known or {}
+    omega, omega_rate, velocity, acceleration = (
+        [x] for x in (root.omega, root.omega_rate, root.velocity, root.acceleration)
+    )
+    turning = [turning_matrix(root.omega, root.omega_rate)]
+    for k, joint in enumerate(joints, start=1):
         parent, back, arm = joint.parent, at.to_parent[k].T, at.origin[k]
         slide, turn = joint_velocity(joint, v[joint.v])
         slide_rate, turn_rate = joint_velocity(joint, a[joint.v])
@@ -127,10 +182,13 @@ def motions(tree: Tree, at: Placements, v: ca.SX, a: ca.SX, gravity: ca.SX) -> M
         omega.append(carried + turn)
         omega_rate.append(back @ omega_rate[parent] + ca.cross(carried, turn) + turn_rate)
         velocity.append(back @ (velocity[parent] + ca.cross(omega[parent], arm)) + slide)
-        acceleration.append(
-            back @ (acceleration[parent] + turning[parent] @ arm) + 2 * ca.cross(carried, slide) + slide_rate
-        )
         turning.append(_turning(joint, back, turning[parent], omega[-1], omega_rate[-1]))
+        if k in known:
+            point, felt = known[k]
+            acceleration.append(felt - turning[-1] @ point)
+            continue
+        through = back @ (acceleration[parent] + turning[parent] @ arm)
+        acceleration.append(through + 2 * ca.cross(carried, slide) + slide_rate)
     return Motions(*map(tuple, (omega, omega_rate, velocity, acceleration, turning)))
 
 
@@ -168,7 +226,21 @@ def joint_velocity(joint: TreeJoint, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
             return rates[:3], rates[3:]
 
 
-def _joint_placement(joint: TreeJoint, q: ca.SX) -> tuple[ca.SX, ca.SX]:
+def joint_placement(joint: TreeJoint, q: ca.SX) -> JointPlacement:
+    """Move a joint.
+
+    Parameters
+    ----------
+    joint
+        The joint.
+    q
+        Its entries of the configuration.
+
+    Returns
+    -------
+    rotation, translation : casadi.SX
+        (3, 3) and (3, 1) of the child in the joint frame.
+    """
     match joint.kind:
         case JointKind.REVOLUTE:
             return turn_about(joint.axis, ca.cos(q), ca.sin(q)), ca.SX.zeros(3)

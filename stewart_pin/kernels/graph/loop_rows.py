@@ -66,7 +66,7 @@ def loop_columns(tree: Tree, at: Placements) -> LoopColumns:
             loop.body1: _about_origin(wrench1, constant(loop.translation1) + _reach(loop, between)),
             loop.body2: _about_origin(wrench2, constant(loop.translation2)),
         }
-        columns[:, index] = efforts_of_wrenches(tree, at, wrenches, len(index))
+        columns[:, index] = efforts_of_wrenches(tree.joints, at, wrenches, len(index))
     return LoopColumns(columns, turn)
 
 

@@ -16,7 +16,7 @@ from stewart_pin.closure.equations import row_sizes
 from stewart_pin.errors import SingularityError
 from stewart_pin.kernels.elimination import Elimination, Pivots, plan_pivots, solve_square, solve_symmetric
 from stewart_pin.kernels.graph.joint_efforts import tree_efforts
-from stewart_pin.kernels.graph.joint_motion import Placements, motions, placements
+from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, joint_placement, motions, placements
 from stewart_pin.kernels.graph.loop_rows import LoopColumns, loop_bias, loop_columns
 from stewart_pin.kernels.samples import at_samples, closed_samples
 from stewart_pin.kernels.spatial import constant
@@ -101,7 +101,7 @@ def close_tree(chain: ClosedChain) -> ClosedTree:
     """
     tree = tree_of(chain)
     q = ca.SX.sym("q", tree.nq)
-    at = placements(tree, q)
+    at = placements(tree.joints, [joint_placement(joint, q[joint.q]) for joint in tree.joints])
     columns = loop_columns(tree, at)
     samples = closed_samples(chain)
     values = at_samples([q], [samples], columns.transpose)
@@ -133,7 +133,8 @@ def inverse_dynamics_function(closed: ClosedTree) -> ca.Function:
     tree, chain = closed.tree, closed.chain
     require_held(chain, analyse_freedom(chain, chain.q_home))
     v, a = ca.SX.sym("v", tree.nv), ca.SX.sym("a", tree.nv)
-    needed = tree_efforts(tree, closed.at, motions(tree, closed.at, v, a, constant(tree.gravity)))
+    falling = at_rest(constant(tree.gravity))
+    needed = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
     motors = _motor_columns(tree)
     share = closed.motions.T @ motors
     scale = closed.motion_scale
@@ -175,9 +176,10 @@ def forward_dynamics_function(closed: ClosedTree) -> ca.Function:
     tree, chain = closed.tree, closed.chain
     v, tau_motor = ca.SX.sym("v", tree.nv), ca.SX.sym("tau_motor", len(tree.motors))
     still = ca.SX.zeros(tree.nv)
-    drifting = motions(tree, closed.at, v, still, ca.SX.zeros(3))
+    falling, floating = at_rest(constant(tree.gravity)), at_rest(ca.SX.zeros(3))
+    drifting = motions(tree.joints, closed.at, v, still, floating)
     a = closed.reduced.transposed(-loop_bias(tree, closed.at, drifting, closed.columns))
-    needed = tree_efforts(tree, closed.at, motions(tree, closed.at, v, a, constant(tree.gravity)))
+    needed = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
     left = needed - _motor_columns(tree) @ tau_motor
     moved = inertia_times(closed, closed.motions)
     inertia = closed.motions.T @ moved
@@ -207,12 +209,12 @@ def inertia_times(closed: ClosedTree, directions: ca.SX) -> ca.SX:
     casadi.SX
         (nv, k) M times them.
     """
-    tree, still, none = closed.tree, ca.SX.zeros(closed.tree.nv), ca.SX.zeros(3)
+    joints, still, floating = closed.tree.joints, ca.SX.zeros(closed.tree.nv), at_rest(ca.SX.zeros(3))
     columns = [
-        tree_efforts(tree, closed.at, motions(tree, closed.at, still, directions[:, k], none))
+        tree_efforts(joints, closed.at, motions(joints, closed.at, still, directions[:, k], floating))
         for k in range(directions.shape[1])
     ]
-    return ca.horzcat(*columns) if columns else ca.SX(tree.nv, 0)
+    return ca.horzcat(*columns) if columns else ca.SX(closed.tree.nv, 0)
 
 
 def _motor_columns(tree: Tree) -> ca.SX:

@@ -1,0 +1,259 @@
+"""Inverse and forward dynamics in platform coordinates, legs first.
+
+Each leg is solved by itself; what it does to the platform is a wrench, a column for each of its motors, and an
+inertia. With C the columns, which are also the transpose of the motor Jacobian,
+
+    M acceleration + wrench = C tau_motor
+
+in the twists T that the platform can do: Tᵀ on the left, acceleration = T s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from stewart_pin.errors import SingularityError
+from stewart_pin.kernels.elimination import solve_square, solve_symmetric
+from stewart_pin.kernels.graph.legs import (
+    LegForces,
+    PlacedLeg,
+    leg_forces,
+    leg_inertia,
+    leg_rates,
+    place_leg,
+)
+from stewart_pin.kernels.graph.platform_motion import (
+    platform_inertia,
+    platform_motion,
+    platform_wrench,
+)
+from stewart_pin.kernels.plan import PlatformPlan
+from stewart_pin.kernels.samples import at_samples
+from stewart_pin.kernels.spatial import constant
+from stewart_pin.mechanics.constrained import require_held
+from stewart_pin.mechanics.freedom import analyse_freedom
+from stewart_pin.typing import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedPlatform:
+    """A platform and its legs at a symbolic pose.
+
+    Attributes
+    ----------
+    plan
+        The chain, taken apart.
+    pose
+        (7, 1) symbols.
+    legs
+        Its legs.
+    """
+
+    plan: PlatformPlan
+    pose: ca.SX
+    legs: tuple[PlacedLeg, ...]
+
+    @property
+    def twist_scale(self) -> FloatArray:
+        """(dof,) natural sizes of the platform's freedoms [m or rad]."""
+        size = np.repeat([self.plan.chain.length_scale, 1.0], 3)
+        return np.linalg.norm(self.plan.twists / size[:, None], axis=0) ** -1
+
+    def values(self, matrix: ca.SX) -> FloatArray:
+        """Evaluate a matrix of the pose at samples.
+
+        Parameters
+        ----------
+        matrix
+            (m, n) expressions.
+
+        Returns
+        -------
+        numpy.ndarray
+            (samples, m, n), in the same unit as the matrix.
+        """
+        return at_samples([self.pose], [self.plan.poses], matrix)
+
+    def project(self, wrenches: ca.SX) -> ca.SX:
+        """Keep of wrenches what works on the twists that the platform can do.
+
+        Parameters
+        ----------
+        wrenches
+            (6, k).
+
+        Returns
+        -------
+        casadi.SX
+            (dof, k).
+        """
+        return constant(self.plan.twists).T @ wrenches
+
+
+def place_platform(plan: PlatformPlan) -> PlacedPlatform:
+    """Place platform and legs at a symbolic pose.
+
+    Parameters
+    ----------
+    plan
+        The chain, taken apart.
+
+    Returns
+    -------
+    PlacedPlatform
+        Platform and legs.
+
+    Raises
+    ------
+    UnsupportedError
+        If a leg has no closed form.
+    """
+    pose, still = ca.SX.sym("pose", 7), ca.SX.zeros(6)
+    moving = platform_motion(plan.tree, pose, still, still)
+    scale = plan.chain.tangent_scale
+    legs = []
+    for leg in plan.legs:
+        joints = [plan.tree.joints[body - 1] for body in leg.bodies]
+        entries = np.concatenate([np.arange(joint.v.start, joint.v.stop) for joint in joints])
+        legs.append(place_leg(leg, moving, pose, plan.poses, scale[entries]))
+    return PlacedPlatform(plan, pose, tuple(legs))
+
+
+def inverse_dynamics_function(placed: PlacedPlatform) -> ca.Function:
+    """Write inverse dynamics.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+
+    Returns
+    -------
+    casadi.Function
+        ``(pose, twist, acceleration) -> tau_motor``, (7, 1), (6, 1), (6, 1) to (nu, 1). The motion must be one that
+        the platform can do; of another one, the part that it cannot do has no consequence.
+
+    Raises
+    ------
+    ActuationError
+        If the motors cannot hold the robot at home.
+    """
+    plan = placed.plan
+    require_held(plan.chain, analyse_freedom(plan.chain, plan.chain.q_home))
+    twist, acceleration = ca.SX.sym("twist", 6), ca.SX.sym("acceleration", 6)
+    moving = platform_motion(plan.tree, placed.pose, twist, acceleration)
+    forces = [leg_forces(leg, moving, leg_rates(leg, moving)) for leg in placed.legs]
+    wrench = platform_wrench(plan.masses, moving)
+    for force in forces:
+        wrench = wrench - force.wrench
+    share = placed.project(_columns(plan, forces))
+    tau_motor = _least_norm(placed, share, placed.project(wrench))
+    return shared(
+        "inverse_dynamics",
+        {"pose": placed.pose, "twist": twist, "acceleration": acceleration},
+        {"tau_motor": tau_motor},
+    )
+
+
+def forward_dynamics_function(placed: PlacedPlatform) -> ca.Function:
+    """Write forward dynamics.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+
+    Returns
+    -------
+    casadi.Function
+        ``(pose, twist, tau_motor) -> acceleration``, (7, 1), (6, 1), (nu, 1) to (6, 1).
+
+    Raises
+    ------
+    SingularityError
+        If a motion of the platform has no inertia.
+    """
+    plan = placed.plan
+    twist, tau_motor = ca.SX.sym("twist", 6), ca.SX.sym("tau_motor", len(plan.tree.motors))
+    moving = platform_motion(plan.tree, placed.pose, twist, ca.SX.zeros(6))
+    forces = [leg_forces(leg, moving, leg_rates(leg, moving)) for leg in placed.legs]
+    inertia = platform_inertia(plan.masses, moving.rotation)
+    left = _columns(plan, forces) @ tau_motor - platform_wrench(plan.masses, moving)
+    for leg, force in zip(placed.legs, forces, strict=True):
+        inertia, left = inertia + leg_inertia(leg, moving), left + force.wrench
+    inertia = placed.project(inertia) @ constant(plan.twists)
+    scale = placed.twist_scale
+    values = placed.values(inertia) * scale[:, None] * scale
+    steps, weightless, _ = solve_symmetric(inertia, placed.project(left), values)
+    if weightless:
+        raise SingularityError(
+            f"{len(weightless)} freedom(s) of the platform of {plan.chain.name} have no inertia, so accelerations are "
+            "undetermined; give the bodies mass",
+            smallest_singular_value=0.0,
+        )
+    acceleration = constant(plan.twists) @ ca.vertcat(*steps)
+    return shared(
+        "forward_dynamics",
+        {"pose": placed.pose, "twist": twist, "tau_motor": tau_motor},
+        {"acceleration": acceleration},
+    )
+
+
+def motor_columns(placed: PlacedPlatform) -> ca.SX:
+    """Compute the wrenches that the motors put on the platform, per unit of effort.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+
+    Returns
+    -------
+    casadi.SX
+        (6, nu), the transpose of the motor Jacobian, in world axes.
+    """
+    plan, still = placed.plan, ca.SX.zeros(6)
+    moving = platform_motion(plan.tree, placed.pose, still, still)
+    return _columns(plan, [leg_forces(leg, moving, ca.SX.zeros(leg.leg.nv)) for leg in placed.legs])
+
+
+def shared(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+    """Make a function, in which equal expressions are computed once.
+
+    Parameters
+    ----------
+    name
+        Of the function.
+    inputs, outputs
+        By name, in order.
+
+    Returns
+    -------
+    casadi.Function
+        The function.
+    """
+    results = ca.cse(list(outputs.values()))
+    return ca.Function(name, list(inputs.values()), results, list(inputs), list(outputs))
+
+
+def _columns(plan: PlatformPlan, forces: list[LegForces]) -> ca.SX:
+    columns: dict[int, ca.SX] = {}
+    for force in forces:
+        columns.update(force.columns)
+    return ca.horzcat(*(columns[k] for k in range(len(plan.tree.motors))))
+
+
+def _least_norm(placed: PlacedPlatform, share: ca.SX, load: ca.SX) -> ca.SX:
+    """Motor efforts, of least norm where there are more than needed."""
+    plan, dof = placed.plan, share.shape[0]
+    motors = plan.chain.tangent_scale[list(plan.tree.motors)]
+    values = placed.values(share) * placed.twist_scale[:, None] / motors
+    if dof == share.shape[1]:
+        return solve_square(share, load, values, "the motors' share")[0]
+    square = share @ share.T
+    scale = placed.twist_scale
+    values = placed.values(square) * scale[:, None] * scale
+    return share.T @ solve_square(square, load, values, "the motors' share")[0]

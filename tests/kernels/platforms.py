@@ -1,0 +1,160 @@
+"""Platforms on legs of many kinds, for kernels in platform coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+import stewart_pin as stp
+from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
+from tests import mechanisms
+from tests.closed_states import robot
+from tests.mechanisms import FREE, ONE, F, P, R, S, X, Y, Z, at, body, rod
+from tests.rewritten import recut
+
+
+def delta(*, ball_elbows: bool = True) -> stp.ClosedChain:
+    """Build a delta robot: three cranks with two parallel rods each, so that the platform only shifts."""
+    crank, length, width = 0.2, 0.5, 0.06
+    links = [
+        Link("ground"),
+        Link("platform", pin.Inertia(0.8, np.array([0, 0, 0.01]), np.diag([2, 2, 3]) * 1e-3)),
+    ]
+    joints, loops = [Joint("pose", FREE, "ground", "platform", ONE)], []
+    home: dict[str, object] = {"pose": [0, 0, -0.42, 0, 0, 0, 1]}
+    for k in range(3):
+        out = pin.exp3(np.array([0, 0, 2 * np.pi * k / 3]))
+        links.append(Link(f"crank{k}", rod(crank, 0.3)))
+        base = pin.SE3(out, out @ [0.15, 0, 0])
+        joints.append(Joint(f"motor{k}", R, "ground", f"crank{k}", base, Y, independent=True))
+        home[f"motor{k}"] = [0.2]
+        for side, shift in (("a", width), ("b", -width)):
+            name = f"{k}{side}"
+            links.append(Link(f"rod{name}", rod(length, 0.1)))
+            elbow = at(crank, shift)
+            towards = out @ [0.05, shift, 0] + [0, 0, -0.42] - base.act(pin.exp3(0.2 * Y) @ elbow.translation)
+            local = pin.exp3(-0.2 * Y) @ out.T @ towards / np.linalg.norm(towards)
+            if ball_elbows:
+                joints.append(Joint(f"elbow{name}", S, f"crank{k}", f"rod{name}", elbow))
+                home[f"elbow{name}"] = pin.Quaternion.FromTwoVectors(X, local).coeffs()
+            else:
+                # Hinges about the crank's y and then z: the rod stands along x.
+                links.append(Link(f"cross{name}"))
+                joints.append(Joint(f"elbow{name}", R, f"crank{k}", f"cross{name}", elbow, Y))
+                joints.append(Joint(f"swing{name}", R, f"cross{name}", f"rod{name}", ONE, Z))
+                home[f"elbow{name}"] = [np.arctan2(-local[2], local[0])]
+                home[f"swing{name}"] = [np.arcsin(local[1])]
+            head = pin.SE3(np.eye(3), out @ [0.05, shift, 0])
+            loops.append(Loop(f"ball{name}", S, "platform", f"rod{name}", head, at(length)))
+    parts = tuple(links), tuple(joints), tuple(loops)
+    motors = tuple(f"motor{k}" for k in range(3))
+    return mechanisms._near(Mechanism("delta", *parts, platform="platform"), home, motors)
+
+
+def rails() -> stp.ClosedChain:
+    """Build a platform on six rods with universal joints on vertical rails, the platform frame off its body."""
+    rng = np.random.default_rng(11)
+    links = [Link("ground"), Link("plate", body(rng, 4.0)), Link("platform")]
+    off = pin.SE3(pin.exp3(np.array([0.1, -0.2, 0.3])), np.array([0.02, 0.01, 0.05]))
+    joints = [
+        Joint("pose", FREE, "ground", "plate", ONE),
+        Joint("mark", F, "plate", "platform", off),
+    ]
+    loops, home = [], {"pose": [0, 0, 0.5, 0, 0, 0, 1]}
+    for k in range(6):
+        foot_angle = 2 * np.pi * (k // 2) / 3 + (0.3 if k % 2 else -0.3)
+        head_angle = 2 * np.pi * (k // 2) / 3 + (0.8 if k % 2 else -0.8)
+        foot = 0.5 * np.array([np.cos(foot_angle), np.sin(foot_angle), 0])
+        head = 0.2 * np.array([np.cos(head_angle), np.sin(head_angle), 0.02 * k])
+        links += [Link(f"cart{k}", body(rng, 0.5)), Link(f"cross{k}"), Link(f"rod{k}", body(rng, 0.3))]
+        joints += [
+            Joint(f"motor{k}", P, "ground", f"cart{k}", pin.SE3(np.eye(3), foot), Z, independent=True),
+            Joint(f"swing{k}", R, f"cart{k}", f"cross{k}", ONE, X),
+            Joint(f"tilt{k}", R, f"cross{k}", f"rod{k}", ONE, Y),
+        ]
+        towards = head - foot
+        height = np.sqrt(0.6**2 - towards[0] ** 2 - towards[1] ** 2)
+        home[f"motor{k}"] = [0.5 + head[2] - height]
+        aim = np.array([towards[0], towards[1], height]) / 0.6
+        home[f"swing{k}"] = [np.arctan2(-aim[1], aim[2])]
+        home[f"tilt{k}"] = [np.arcsin(aim[0])]
+        loops.append(Loop(f"ball{k}", S, f"rod{k}", "plate", at(z=0.6), pin.SE3(np.eye(3), head)))
+    parts = tuple(links), tuple(joints), tuple(loops)
+    motors = tuple(f"motor{k}" for k in range(6))
+    return mechanisms._near(Mechanism("rails", *parts, platform="platform"), home, motors)
+
+
+def hanging() -> stp.ClosedChain:
+    """Hang the legs of a hexapod on its platform: balls there, and universal joints cut at the ground."""
+    chain = robot("stewart_sps")
+    old = chain.described()
+    joints, loops, links, home = [], [], [], dict(old.home)
+    for joint in old.joints:
+        if joint.kind is JointKind.FLOATING:
+            joints.append(joint)
+    rng = np.random.default_rng(5)
+    base, top = chain.leg_points()
+    for k in range(6):
+        links += [Link(f"rod{k}", body(rng, 0.7)), Link(f"tube{k}", body(rng, 0.9)), Link(f"cross{k}")]
+        joints += [
+            Joint(f"a{k}", R, "platform", f"cross{k}", pin.SE3(np.eye(3), top[k]), X),
+            Joint(f"b{k}", R, f"cross{k}", f"rod{k}", ONE, Y),
+            Joint(f"motor{k}", P, f"rod{k}", f"tube{k}", at(z=-0.1), Z, independent=True),
+        ]
+        pose = stp.platform_pose(chain, chain.q_home)
+        aim = pose.actInv(base[k]) - top[k]
+        length = np.linalg.norm(aim)
+        aim = -aim / length
+        home |= {
+            f"a{k}": np.array([np.arctan2(-aim[1], aim[2])]),
+            f"b{k}": np.array([np.arcsin(aim[0])]),
+            f"motor{k}": np.array([0.3 - length]),
+        }
+        loops.append(Loop(f"ball{k}", S, f"tube{k}", old.root, at(z=-0.2), pin.SE3(np.eye(3), base[k])))
+    kept = tuple(link for link in old.links if link.name in (old.root, "platform"))
+    mechanism = Mechanism("hanging", (*kept, *links), tuple(joints), tuple(loops), platform="platform")
+    values = {joint.name: home[joint.name] for joint in joints}
+    return mechanisms._near(mechanism, values, tuple(f"motor{k}" for k in range(6)))
+
+
+def with_ball_in_tree() -> stp.ClosedChain:
+    """Cut a hexapod elsewhere, so that one leg's ball carries the platform."""
+    other = recut(robot("stewart"))
+    assert other is not None
+    return other
+
+
+def skew_rods() -> stp.ClosedChain:
+    """Describe the rods of six cranks in frames that stand askew to them: an idle spin then is no single coordinate."""
+    old = mechanisms.rotary_hexapod().described()
+    turn = pin.SE3(pin.exp3(np.array([0.4, -0.7, 0.5])), np.zeros(3))
+    links = tuple(
+        replace(link, inertia=turn.act(link.inertia)) if link.name.startswith("rod") else link
+        for link in old.links
+    )
+    loops = tuple(replace(loop, placement2=turn * loop.placement2) for loop in old.loops)
+    home = {
+        name: pin.Quaternion(pin.Quaternion(value).matrix() @ turn.rotation.T).coeffs()
+        if name.startswith("elbow")
+        else value
+        for name, value in old.home.items()
+    }
+    return build_chain(
+        replace(old, links=links, loops=loops, home=home), motors=tuple(f"motor{k}" for k in range(6))
+    )
+
+
+PLATFORMS = {
+    **{
+        name: lambda name=name: robot(name)
+        for name in ("stewart", "stewart_sps", "stewart_cad", "stewart_s1")
+    },
+    "six cranks": mechanisms.rotary_hexapod,
+    "six cranks, rods askew": skew_rods,
+    "six rails": rails,
+    "legs on the platform": hanging,
+    "ball in the tree": with_ball_in_tree,
+    "delta, balls": delta,
+    "delta, hinges": lambda: delta(ball_elbows=False),
+}
+"""Chains that come apart into a platform and legs with closed forms."""
