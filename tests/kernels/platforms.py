@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pinocchio as pin
 
 import stewart_pin as stp
+from stewart_pin.building.loading import build_chain
 from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
 from tests import mechanisms
 from tests.closed_states import robot
