@@ -1,0 +1,209 @@
+"""Wrap a program in the two functions that are called: one for ranges of states, one for a single state.
+
+The function for ranges takes a table of addresses: for each input and output the first entry and the distance between
+states in bytes, then the status bytes, or null. It always works on full vectors; lanes beyond the end repeat the last
+state and write the same values to the same place again, so a state's result does not depend on where it stands. The
+function for one state knows its addresses, and takes no argument. Outputs that only judge a state are not written.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from stewart_pin.kernels.llvm_layout import load_columns, store_columns
+from stewart_pin.kernels.llvm_operations import Writer, write_program
+from stewart_pin.kernels.program import Program, require_output
+from stewart_pin.kernels.status import Bound, Status, written_outputs
+from stewart_pin.kernels.target import Target
+
+
+def module_for_ranges(program: Program, bounds: Sequence[Bound], dtype: np.dtype[Any], target: Target) -> str:
+    """Write the LLVM module of a program for ranges of states.
+
+    Parameters
+    ----------
+    program
+        Program.
+    bounds
+        Bounds of outputs that judge a state.
+    dtype
+        numpy.float64 or numpy.float32.
+    target
+        Machine.
+
+    Returns
+    -------
+    str
+        LLVM IR with the function ``run(begin, end, table)``.
+    """
+    writer = Writer(dtype, target.vector_bytes // dtype.itemsize, fused=target.fused)
+    _write_loop(writer, program, bounds)
+    return _module(writer, target, "i64 %begin, i64 %end, ptr noalias %table")
+
+
+def module_for_one(
+    program: Program,
+    bounds: Sequence[Bound],
+    dtype: np.dtype[Any],
+    target: Target,
+    addresses: Sequence[int],
+) -> str:
+    """Write the LLVM module of a program for one state at a fixed place.
+
+    Parameters
+    ----------
+    program
+        Program.
+    bounds
+        Bounds of outputs that judge a state.
+    dtype
+        numpy.float64 or numpy.float32.
+    target
+        Machine.
+    addresses
+        Where the first entry of each input and output lies, and the status byte.
+
+    Returns
+    -------
+    str
+        LLVM IR with the function ``run()``.
+    """
+    writer = Writer(dtype, 1, fused=target.fused)
+    *ports, status = (f"inttoptr (i64 {address} to ptr)" for address in addresses)
+    n = len(program.inputs)
+    inputs = [
+        load_columns(writer, [at], port.size) for at, port in zip(ports[:n], program.inputs, strict=True)
+    ]
+    results, code = _judged(writer, program, bounds, inputs, write_program(writer, program, inputs))
+    for at, entries in zip(ports[n:], results, strict=True):
+        store_columns(writer, [at], entries)
+    writer.lines += [f"  store i8 {code}, ptr {status}", "  ret void"]
+    return _module(writer, target, "")
+
+
+def _module(writer: Writer, target: Target, arguments: str) -> str:
+    return "\n".join(
+        [
+            f'target triple = "{target.triple}"',
+            *sorted(writer.declared),
+            f"define void @run({arguments}) #0 {{",
+            *writer.lines,
+            "}",
+            # Some processors are tuned to halves of their widest registers unless asked.
+            f'attributes #0 = {{ nounwind "min-legal-vector-width"="{8 * target.vector_bytes}" }}',
+        ]
+    )
+
+
+def _write_loop(writer: Writer, program: Program, bounds: Sequence[Bound]) -> None:
+    ports = [*program.inputs, *written_outputs(program, bounds)]
+    writer.lines.append("entry:")
+    bases = [_entry(writer, "ptr", 2 * p) for p in range(len(ports))]
+    strides = [_entry(writer, "i64", 2 * p + 1) for p in range(len(ports))]
+    status = _entry(writer, "ptr", 2 * len(ports))
+    last = writer.put("sub i64 %end, 1")
+    writer.lines += [
+        "  %go = icmp slt i64 %begin, %end",
+        "  %judged = icmp ne ptr " + status + ", null",
+        "  br i1 %go, label %loop, label %done",
+        "loop:",
+        "  %i = phi i64 [ %begin, %entry ], [ %next, %again ]",
+    ]
+    states = [_clamped(writer, "%i", lane, last) for lane in range(writer.lanes)]
+
+    def rows(p: int) -> list[str]:
+        offsets = [writer.put(f"mul i64 {s}, {strides[p]}") for s in states]
+        return [writer.put(f"getelementptr i8, ptr {bases[p]}, i64 {o}") for o in offsets]
+
+    inputs = [load_columns(writer, rows(p), port.size) for p, port in enumerate(program.inputs)]
+    results = write_program(writer, program, inputs)
+    results, codes = _judged(writer, program, bounds, inputs, results)
+    for p, columns in enumerate(results, len(program.inputs)):
+        store_columns(writer, rows(p), columns)
+    writer.lines += ["  br i1 %judged, label %judge, label %again", "judge:"]
+    for lane, state in enumerate(states):
+        code = writer.put(f"extractelement {_bytes(writer)} {codes}, i32 {lane}")
+        at = writer.put(f"getelementptr i8, ptr {status}, i64 {state}")
+        writer.lines.append(f"  store i8 {code}, ptr {at}")
+    writer.lines += [
+        "  br label %again",
+        "again:",
+        f"  %next = add i64 %i, {writer.lanes}",
+        "  %more = icmp slt i64 %next, %end",
+        "  br i1 %more, label %loop, label %done",
+        "done:",
+        "  ret void",
+    ]
+
+
+def _entry(writer: Writer, kind: str, index: int) -> str:
+    at = writer.put(f"getelementptr i64, ptr %table, i64 {index}")
+    return writer.put(f"load {kind}, ptr {at}")
+
+
+def _clamped(writer: Writer, i: str, lane: int, last: str) -> str:
+    if lane == 0:
+        return i
+    state = writer.put(f"add i64 {i}, {lane}")
+    inside = writer.put(f"icmp slt i64 {state}, {last}")
+    return writer.put(f"select i1 {inside}, i64 {state}, i64 {last}")
+
+
+def _bytes(writer: Writer) -> str:
+    return "i8" if writer.lanes == 1 else f"<{writer.lanes} x i8>"
+
+
+def _judged(
+    writer: Writer,
+    program: Program,
+    bounds: Sequence[Bound],
+    inputs: list[list[str]],
+    results: list[list[str]],
+) -> tuple[list[list[str]], str]:
+    """Replace the results of bad states by nan, and give the codes."""
+    inputs_finite = _all_finite(writer, [x for entries in inputs for x in entries])
+    finite = _all_finite(writer, [x for entries in results for x in entries])
+    within = "true" if writer.lanes == 1 else "splat (i1 true)"
+    for bound in bounds:
+        for x in results[require_output(program, bound.output)]:
+            for test, value in (("oge", bound.lower), ("ole", bound.upper)):
+                if not math.isinf(value):
+                    ok = writer.compare(test, x, writer.constant(value))
+                    within = writer.put(f"and {writer.mask} {within}, {ok}")
+    good = writer.put(f"and {writer.mask} {inputs_finite}, {finite}")
+    good = writer.put(f"and {writer.mask} {good}, {within}")
+    nan = writer.constant(float("nan"))
+    judging = {bound.output for bound in bounds}
+    results = [
+        [writer.select(good, x, nan) for x in entries]
+        for port, entries in zip(program.outputs, results, strict=True)
+        if port.name not in judging
+    ]
+    code = _code(writer, Status.OK)
+    for mask, status in (
+        (finite, Status.RESULT_NOT_FINITE),
+        (within, Status.OUT_OF_BOUNDS),
+        (inputs_finite, Status.INPUT_NOT_FINITE),
+    ):
+        kind = _bytes(writer)
+        code = writer.put(f"select {writer.mask} {mask}, {kind} {code}, {kind} {_code(writer, status)}")
+    return results, code
+
+
+def _code(writer: Writer, status: Status) -> str:
+    return str(int(status)) if writer.lanes == 1 else f"splat (i8 {int(status)})"
+
+
+def _all_finite(writer: Writer, values: list[str]) -> str:
+    """Mask of the lanes where all values are finite: zero times one that is not gives nan."""
+    zero = total = writer.constant(0.0)
+    for x in values:
+        if writer.fused:
+            total = writer.call("fma", x, zero, total)
+        else:
+            total = writer.put(f"fadd {writer.type} {writer.put(f'fmul {writer.type} {x}, {zero}')}, {total}")
+    return writer.compare("oeq", total, zero)

@@ -1,0 +1,127 @@
+"""What became of each state of an array: a code, and the bounds that lead to one."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stewart_pin.errors import InputError
+from stewart_pin.kernels.program import Port, Program, require_output
+from stewart_pin.typing import BoolArray, FloatArray
+
+
+class Status(enum.IntEnum):
+    """Code of a state; the results of a state that is not OK are nan."""
+
+    OK = 0
+    INPUT_NOT_FINITE = 1
+    OUT_OF_BOUNDS = 2
+    RESULT_NOT_FINITE = 3
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Bounds of an output that judges a state, such as the smallest pivot of an elimination.
+
+    Attributes
+    ----------
+    output
+        Name of the output.
+    lower
+        Least good value of each entry, in the unit of the output.
+    upper
+        Largest good value of each entry.
+
+    Raises
+    ------
+    InputError
+        If no value lies within.
+    """
+
+    output: str
+    lower: float = -math.inf
+    upper: float = math.inf
+
+    def __post_init__(self) -> None:
+        if not self.lower <= self.upper:
+            raise InputError(f"bound of {self.output!r}: no value lies between {self.lower} and {self.upper}")
+
+
+def require_bounds(program: Program, bounds: Sequence[Bound]) -> None:
+    """Check that each bound names an output.
+
+    Parameters
+    ----------
+    program
+        Program.
+    bounds
+        Bounds.
+
+    Raises
+    ------
+    InputError
+        If there is no such output.
+    """
+    for bound in bounds:
+        require_output(program, bound.output)
+
+
+def written_outputs(program: Program, bounds: Sequence[Bound]) -> list[Port]:
+    """List the outputs that a kernel gives: those that do not only judge a state.
+
+    Parameters
+    ----------
+    program
+        Program.
+    bounds
+        Bounds.
+
+    Returns
+    -------
+    list of Port
+        Outputs without a bound.
+    """
+    judging = {bound.output for bound in bounds}
+    return [port for port in program.outputs if port.name not in judging]
+
+
+def judge(
+    program: Program, bounds: Sequence[Bound], inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]
+) -> np.ndarray:
+    """Find the code of each state; the machine code does the same on its way.
+
+    Parameters
+    ----------
+    program
+        Program.
+    bounds
+        Bounds.
+    inputs
+        For each input (N, size) or (1, size) [any unit].
+    outputs
+        For each output (N, size) [any unit].
+
+    Returns
+    -------
+    numpy.ndarray
+        (N,) int8 codes, dimensionless.
+    """
+    n = len(outputs[0])
+    codes = np.zeros(n, dtype=np.int8)
+    codes[~_all_finite(outputs, n)] = Status.RESULT_NOT_FINITE
+    for bound in bounds:
+        x = outputs[require_output(program, bound.output)]
+        codes[~((x >= bound.lower) & (x <= bound.upper)).all(axis=1)] = Status.OUT_OF_BOUNDS
+    codes[~_all_finite(inputs, n)] = Status.INPUT_NOT_FINITE
+    return codes
+
+
+def _all_finite(arrays: Sequence[FloatArray], n: int) -> BoolArray:
+    finite = np.ones(n, dtype=bool)
+    for x in arrays:
+        finite &= np.isfinite(x).all(axis=1)
+    return finite
