@@ -12,7 +12,7 @@ from stewart_pin.closure.configurations import clipped, limit_violations, random
 from stewart_pin.closure.newton import Closure, System, close_loops, loop_system, solve
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.chain import ClosedChain
-from stewart_pin.model.description import JointKind
+from stewart_pin.model.description import JointKind, Mechanism, Note, Outcome
 from stewart_pin.typing import Configuration, FloatArray
 
 _ATTEMPTS = 16
@@ -29,6 +29,7 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
 
     The description's home is refined by Newton's method. Joints that it does not name are searched for, from the
     neutral configuration moved inside the joint limits and then from seeded random ones, while the others stay.
+    A home that is only a guess is searched for from there.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
         q = closure.q
         found = _moved(chain, guess, q, given) or _beyond_limits(chain, q)
         if not found:
-            return replace(chain, q_home=q)
+            return replace(chain, q_home=q, mechanism=_with_home_note(chain, q))
         fault = fault or found
     raise MechanismError(
         f"no home configuration: {fault or f'the loops do not close, the smallest gap found is {best:.3g} m'}; "
@@ -112,6 +113,8 @@ def home_guess(chain: ClosedChain) -> Configuration:
 def _named_entries(chain: ClosedChain) -> np.ndarray:
     """Mark the tangent entries of the joints that the home names: (nv,) of bool."""
     named = np.zeros(chain.nv, dtype=bool)
+    if chain.mechanism.home_is_guess:
+        return named
     for name, joint in zip(chain.model.names[1:], chain.model.joints[1:], strict=True):
         named[joint.idx_v : joint.idx_v + joint.nv] = name in chain.mechanism.home
     return named
@@ -119,6 +122,8 @@ def _named_entries(chain: ClosedChain) -> np.ndarray:
 
 def _guesses(chain: ClosedChain, given: np.ndarray) -> Iterator[Configuration]:
     first = home_guess(chain)
+    if chain.mechanism.home_is_guess:
+        first = clipped(chain, first)
     yield first
     if given.all():
         return
@@ -171,6 +176,16 @@ def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, given: np
         return ""
     worst = int(np.argmax(moved))
     return f"closing them moves joint '{chain.tangent_names[worst]}' by {moved[worst]:.3g} robot sizes or radians"
+
+
+def _with_home_note(chain: ClosedChain, q: Configuration) -> Mechanism:
+    """Tell in the report when a home that was only a guess is another configuration than the file's."""
+    mechanism = chain.mechanism
+    moved = _moved(chain, home_guess(chain), q, np.ones(chain.nv, dtype=bool))
+    if not (mechanism.home_is_guess and moved):
+        return mechanism
+    note = Note("home", f"{moved}, as loops and limits demand", Outcome.CHANGED)
+    return replace(mechanism, notes=(*mechanism.notes, note))
 
 
 def _beyond_limits(chain: ClosedChain, q: Configuration) -> str:

@@ -171,7 +171,7 @@ class ClosedChain:
         home: dict[str, FloatArray] = {}
         for name, joint in zip(self.model.names[1:], self.model.joints[1:], strict=True):
             home[name] = self.q_home[joint.idx_q : joint.idx_q + joint.nq]
-        return replace(self.mechanism, joints=joints, platform=self.platform, home=home)
+        return replace(self.mechanism, joints=joints, platform=self.platform, home=home, home_is_guess=False)
 
     def leg_points(self) -> tuple[FloatArray, FloatArray]:
         """Find the ends of the legs that the motors drive.

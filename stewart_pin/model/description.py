@@ -232,6 +232,8 @@ class Mechanism:
         Link that carries the platform frame, or None when nothing says so.
     home
         Joint values of the home configuration: ``{joint: values}``, Pinocchio's convention [m, rad, quaternion].
+    home_is_guess
+        Whether the loops may be open there, and joints beyond their limits: home is then found from it.
     source
         File the mechanism came from, for messages.
     notes
@@ -247,6 +249,7 @@ class Mechanism:
     couplings: tuple[Coupling, ...] = ()
     platform: str | None = None
     home: Mapping[str, FloatArray] = field(default_factory=dict)
+    home_is_guess: bool = False
     source: str = ""
     notes: tuple[Note, ...] = ()
     gravity: tuple[float, float, float] | None = None

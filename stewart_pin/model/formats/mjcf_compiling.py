@@ -1,0 +1,220 @@
+"""MJCF through MuJoCo's own compiler (extra ``mjcf``), guarded: what could hang it or fill the memory is refused.
+
+Defaults, includes, angles in degrees, inertia from shapes and everything else of the format mean what MuJoCo makes of
+them. Meshes, height fields and textures that no inertia depends on are not opened, so they may be absent.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from stewart_pin.errors import FileFormatError, MissingExtraError
+from stewart_pin.model.formats.xml import ElementReader, read_xml, shown_tag
+
+_MOST_ELEMENTS = 20_000
+"""Elements of a file, with its includes and replicas: more than any robot, and compiled in seconds."""
+_MOST_CELLS = 4_000_000
+"""Cells of a height field, which the compiler fills while it reads."""
+_MOST_FACETS = 200
+"""Resolution of a mesh made from a formula; the time to compile one grows with its cube."""
+_DEFORMABLE = ("flex", "flexcomp")
+_UNUSED = (
+    "sensors", "numerics", "texts", "tuples", "pairs", "excludes", "skins", "hfields", "textures", "materials",
+    "cameras", "lights",
+)  # fmt: skip
+"""Parts of MuJoCo's specification that no mechanism needs, after those that refer to them."""
+
+
+def import_mujoco() -> Any:
+    """Import MuJoCo.
+
+    Returns
+    -------
+    module
+        The package ``mujoco``.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    try:
+        import mujoco  # noqa: PLC0415
+    except ImportError:
+        raise MissingExtraError("mujoco", "mjcf") from None
+    return mujoco
+
+
+def compile_mjcf(path: Path) -> tuple[Any, tuple[str, ...]]:
+    """Compile a file to MuJoCo's model.
+
+    Parameters
+    ----------
+    path
+        File to read; what it includes is found as MuJoCo does, beside it.
+
+    Returns
+    -------
+    model : mujoco.MjModel
+        The model, without sensors, textures and other parts that are no mechanism.
+    warnings : tuple of str
+        What MuJoCo warns of.
+
+    Raises
+    ------
+    MissingExtraError
+        If MuJoCo is not installed.
+    FileFormatError
+        If MuJoCo refuses the file, or the file asks for more than a mechanism needs.
+    """
+    mujoco = import_mujoco()
+    _Guard(path).run()
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            spec = mujoco.MjSpec.from_file(str(path))
+            _strip(mujoco, spec)
+            model = spec.compile()
+        return model, tuple(" ".join(str(warning.message).split()) for warning in caught)
+    # Its exceptions have no base of their own: ValueError for what a file says, RuntimeError for what befell it.
+    except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
+        said = " ".join(str(error).replace("Element name '', ", "").split())
+        raise FileFormatError(
+            f"MuJoCo refuses the file: {said or type(error).__name__}{_remedy(said)}",
+            path=str(path),
+            culprit="<mujoco>",
+        ) from None
+
+
+def _remedy(said: str) -> str:
+    if "opening file" not in said and "resource" not in said:
+        return ""
+    return (
+        "; put the file where the model looks for it (meshes are opened only where a body takes its inertia from "
+        "them: give it an <inertial>)"
+    )
+
+
+def _strip(mujoco: Any, spec: Any) -> None:
+    """Take away what is no mechanism, before the compiler opens files for it or sets memory aside."""
+    for geom in spec.geoms:
+        geom.material = ""
+        if (geom.meshname or geom.hfieldname) and not _weighs(mujoco, geom):
+            geom.type = mujoco.mjtGeom.mjGEOM_SPHERE
+            geom.size = [1.0, 1.0, 1.0]
+            geom.meshname = geom.hfieldname = ""
+    for owner in [*spec.sites, *spec.tendons]:
+        owner.material = ""
+    needed = {geom.meshname for geom in spec.geoms}
+    surplus = [mesh for mesh in spec.meshes if mesh.name not in needed]
+    for part in _UNUSED:
+        surplus += getattr(spec, part)
+    for element in surplus:
+        spec.delete(element)
+    spec.nkey = spec.nuserdata = 0
+    for user in ("body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor"):
+        setattr(spec, f"nuser_{user}", -1)
+    spec.memory = -1
+
+
+def _weighs(mujoco: Any, geom: Any) -> bool:
+    """Tell whether a body takes part of its inertia from a shape."""
+    body, compiler = geom.parent, geom.compiler
+    if (
+        body.name == "world"
+        or geom.hfieldname
+        or geom.mass == 0
+        or (geom.mass != geom.mass and geom.density == 0)
+    ):
+        return False
+    wanted = compiler.inertiafromgeom
+    if wanted == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE:
+        return False
+    if wanted == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO and body.explicitinertial:
+        return False
+    first, last = compiler.inertiagrouprange
+    return first <= geom.group <= last
+
+
+class _Guard(ElementReader):
+    """Reads a file and what it includes before MuJoCo does, and refuses what its compiler would not survive."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self.folder = path.parent
+        self.elements = 0
+
+    def run(self) -> None:
+        root = read_xml(Path(self.path))
+        if root.tag != "mujoco":
+            raise self.error(
+                f"the root element is <{shown_tag(root)}>, an MJCF file has <mujoco>", "<mujoco>"
+            )
+        self._file(root, 1, (Path(self.path).resolve(),))
+
+    def _file(self, root: etree._Element, copies: int, inside: tuple[Path, ...]) -> None:
+        for element, count in self._elements(root, copies):
+            self._element(element)
+            if element.tag in ("include", "model") and element.get("file"):
+                self._included(element, count, inside)
+
+    def _included(self, element: etree._Element, count: int, inside: tuple[Path, ...]) -> None:
+        for folder in dict.fromkeys((self.folder, inside[-1].parent)):
+            path = (folder / element.get("file", "")).resolve()
+            # MuJoCo names missing files itself, and files that include themselves.
+            if path.is_file() and path not in inside:
+                self._file(read_xml(path), count, (*inside, path))
+
+    def _elements(self, root: etree._Element, copies: int) -> Iterator[tuple[etree._Element, int]]:
+        stack = [(root, copies)]
+        while stack:
+            element, count = stack.pop()
+            self.elements += count
+            if self.elements > _MOST_ELEMENTS:
+                raise self.error(
+                    f"the file has more than {_MOST_ELEMENTS} elements, with what <{shown_tag(element)}> (line "
+                    f"{element.sourceline}) and others repeat; no robot needs so many",
+                    f"<{shown_tag(element)}>",
+                )
+            yield element, count
+            if element.tag == "replicate":
+                # What is no number MuJoCo names; a sign or a point may hide a large one.
+                count *= max(1, int(min(_magnitude(element.get("count", "1")), _MOST_ELEMENTS + 1)))
+            stack += [(child, count) for child in element.iterchildren(etree.Element)]
+
+    def _element(self, element: etree._Element) -> None:
+        tag, line = shown_tag(element), element.sourceline
+        if tag in _DEFORMABLE:
+            raise self.error(
+                f"<{tag}> (line {line}): deformable bodies are no links; remove it, or use a rigid body",
+                f"<{tag}>",
+            )
+        for name, value in element.attrib.items():
+            if "nan" in value.lower().replace("+", "").replace("-", "").split():
+                raise self.error(
+                    f"{name} of <{tag}> (line {line}) holds 'nan', which is no number", f"<{tag}>"
+                )
+        sizes = [_magnitude(element.get(name, "1")) for name in ("nrow", "ncol")]
+        if tag == "hfield" and sizes[0] * sizes[1] > _MOST_CELLS:
+            raise self.error(
+                f"<hfield> (line {line}) has more than {_MOST_CELLS} cells; remove it", "<hfield>"
+            )
+        if tag == "mesh" and element.get("builtin"):
+            finest = max((_magnitude(word) for word in element.get("params", "").split()), default=0.0)
+            if finest > _MOST_FACETS:
+                raise self.error(
+                    f"<mesh builtin> (line {line}) has a resolution above {_MOST_FACETS}; make it coarser",
+                    "<mesh>",
+                )
+
+
+def _magnitude(text: str) -> float:
+    try:
+        return abs(float(text))
+    except ValueError:
+        return 0.0

@@ -1,0 +1,151 @@
+"""Actuators of MuJoCo's compiled model as motors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stewart_pin.model.description import Joint, Note, Outcome
+from stewart_pin.model.formats.mjcf_compiling import import_mujoco
+from stewart_pin.model.formats.mjcf_names import given_names
+from stewart_pin.model.formats.mjcf_tree import Tree
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """Joints with their motors.
+
+    Attributes
+    ----------
+    joints
+        All joints of the tree; the motors stand in the order of the actuators.
+    notes
+        What was made of the actuators.
+    """
+
+    joints: tuple[Joint, ...]
+    notes: tuple[Note, ...]
+
+
+def read_motors(model: Any, tree: Tree) -> Drive:
+    """Mark the joints that actuators drive.
+
+    An actuator of a hinge or a slide makes it a motor, whatever signal it follows: the coordinates, efforts and
+    rates of motors are those of the joint, with the gear taken out. Its largest effort is what force range, control
+    range and the joint's ``actuatorfrcrange`` leave of it.
+
+    Parameters
+    ----------
+    model
+        ``mujoco.MjModel``.
+    tree
+        Its links and joints.
+
+    Returns
+    -------
+    Drive
+        Joints, motors marked.
+    """
+    return _MotorReader(model, tree).read()
+
+
+class _MotorReader:
+    def __init__(self, model: Any, tree: Tree) -> None:
+        self.model, self.tree = model, tree
+        self.mujoco = import_mujoco()
+        given = given_names(model, "actuator", model.nu)
+        self.names = [name or f"number {k + 1}" for k, name in enumerate(given)]
+        self.notes: list[Note] = []
+
+    def read(self) -> Drive:
+        efforts: dict[str, float] = {}
+        for k in range(self.model.nu):
+            joint = self._driven(k)
+            if joint is not None:
+                efforts[joint] = efforts.get(joint, 0.0) + self._effort(k)
+        joints = {joint.name: joint for joint in self.tree.joints}
+        for number, name in enumerate(self.tree.joint_names):
+            if joints[name].has_axis:
+                effort = min(efforts.get(name, np.inf), self._joint_effort(number, name))
+                joints[name] = replace(joints[name], effort=effort, independent=name in efforts)
+        motors = iter([joints[name] for name in efforts])
+        ordered = tuple(next(motors) if joint.name in efforts else joint for joint in joints.values())
+        return Drive(ordered, tuple(self.notes))
+
+    def _driven(self, k: int) -> str | None:
+        """Find the joint that an actuator drives; None, with a note: it is no motor."""
+        transmissions = self.mujoco.mjtTrn
+        kind = transmissions(int(self.model.actuator_trntype[k]))
+        if kind not in (transmissions.mjTRN_JOINT, transmissions.mjTRN_JOINTINPARENT):
+            what = kind.name.removeprefix("mjTRN_").lower()
+            self._note(k, f"acts on a {what}, not on a joint: no motor")
+            return None
+        name = self.tree.joint_names[int(self.model.actuator_trnid[k][0])]
+        if not next(joint for joint in self.tree.joints if joint.name == name).has_axis:
+            self._note(k, f"acts on joint '{name}', which has not one freedom: no motor")
+            return None
+        if self.model.actuator_gear[k][0] == 0:
+            self._note(k, f"gear 0: it does not reach joint '{name}'")
+            return None
+        if self._is_brake(k):
+            self._note(k, f"a brake on joint '{name}': no motor")
+            return None
+        if not self._is_plain(k):
+            text = "its gains and dynamics: here a motor gives the effort that it is told to give"
+            self._note(k, text)
+        return name
+
+    def _is_plain(self, k: int) -> bool:
+        gains, biases, dynamics = self.mujoco.mjtGain, self.mujoco.mjtBias, self.mujoco.mjtDyn
+        return (
+            self.model.actuator_gaintype[k] == gains.mjGAIN_FIXED
+            and self.model.actuator_biastype[k] == biases.mjBIAS_NONE
+            and self.model.actuator_dyntype[k] == dynamics.mjDYN_NONE
+        )
+
+    def _is_brake(self, k: int) -> bool:
+        """Tell a <damper>, which only resists a motion."""
+        gain = self.model.actuator_gainprm[k]
+        return bool(
+            self.model.actuator_gaintype[k] == self.mujoco.mjtGain.mjGAIN_AFFINE
+            and self.model.actuator_biastype[k] == self.mujoco.mjtBias.mjBIAS_NONE
+            and gain[0] == 0
+            and gain[1] == 0
+        )
+
+    def _effort(self, k: int) -> float:
+        """Return the largest effort that an actuator exerts on its joint [N or N m]."""
+        model, gear = self.model, abs(float(self.model.actuator_gear[k][0]))
+        effort = np.inf
+        if model.actuator_forcelimited[k]:
+            effort = self._symmetric(
+                f"actuator '{self.names[k]}'", "forcerange", model.actuator_forcerange[k]
+            )
+        clamp_off = model.opt.disableflags & self.mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
+        if model.actuator_ctrllimited[k] and self._is_plain(k) and not clamp_off:
+            gain = abs(float(model.actuator_gainprm[k][0]))
+            control = self._symmetric(f"actuator '{self.names[k]}'", "ctrlrange", model.actuator_ctrlrange[k])
+            effort = min(effort, gain * control if gain else 0.0)
+        return gear * effort
+
+    def _joint_effort(self, number: int, name: str) -> float:
+        if not self.model.jnt_actfrclimited[number]:
+            return np.inf
+        return self._symmetric(f"joint '{name}'", "actuatorfrcrange", self.model.jnt_actfrcrange[number])
+
+    def _symmetric(self, owner: str, attribute: str, limits: Any) -> float:
+        lower, upper = (float(value) for value in limits)
+        if lower == -upper:
+            return upper
+        shown = f"{attribute} {lower:g} to {upper:g}"
+        if lower >= 0 or upper <= 0:
+            self.notes.append(Note(owner, f"{shown}: effort limits of one side are not kept"))
+            return np.inf
+        text = f"{shown}: efforts are limited alike on both sides, to the smaller"
+        self.notes.append(Note(owner, text, Outcome.CHANGED))
+        return min(-lower, upper)
+
+    def _note(self, k: int, text: str) -> None:
+        self.notes.append(Note(f"actuator '{self.names[k]}'", text))
