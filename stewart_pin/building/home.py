@@ -19,6 +19,8 @@ _ATTEMPTS = 16
 """Random configurations to start from."""
 _ROUNDS = 10
 """How often loops and limits are met in turn from one start."""
+_LEAP = 0.6
+"""How far a joint of an assembled pose is moved at once towards its range, in robot sizes or radians."""
 _CLOSED_IN_FILE = 1e-3
 """How far closing the loops may move a joint of a home printed with few digits, in robot sizes and radians; also how
 far home may stand outside a joint limit. More is an error."""
@@ -46,6 +48,8 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
     MechanismError
         If the loops do not close, or only beyond the joint limits, or with a loop's axes against each other.
     """
+    if chain.mechanism.assembled:
+        return _settle_assembled(chain)
     given = _named_entries(chain)
     best, fault = np.inf, ""
     for guess in _guesses(chain, given):
@@ -71,13 +75,49 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
     )
 
 
-def home_guess(chain: ClosedChain) -> Configuration:
+def _settle_assembled(chain: ClosedChain) -> ClosedChain:
+    """Carry joints that the file puts beyond their limits inside, the loops closed; stay where they do not allow it."""
+    start = close_loops(chain, home_guess(chain, inside=False))
+    outside = limit_violations(chain, start.q, _CLOSED_IN_FILE)
+    if not outside:
+        return replace(chain, q_home=start.q)
+    q = _carry_inside(chain, start.q, list(outside))
+    found = limit_violations(chain, q, _CLOSED_IN_FILE)
+    worst = next(iter(outside))
+    text = f"home: the pose of the file is beyond the limits of {len(outside)} joints; " + (
+        "they were moved inside" if not found else "the loops let them no further, and it stays there"
+    )
+    note = Note(f"joint '{worst}'", text, Outcome.CHANGED)
+    mechanism = replace(chain.mechanism, notes=(*chain.mechanism.notes, note))
+    return replace(chain, q_home=start.q if found else q, mechanism=mechanism)
+
+
+def _carry_inside(chain: ClosedChain, q: Configuration, joints: list[str]) -> Configuration:
+    """Move joints towards their ranges in leaps, each closed again: long ones, to leave dead points behind."""
+    entries = np.array([chain.model.joints[chain.model.getJointId(name)].idx_v for name in joints])
+    longest = _LEAP * chain.tangent_scale[entries]
+    target = clipped(chain, q)
+    for _ in range(_ROUNDS):
+        step = np.zeros(chain.nv)
+        step[entries] = np.clip(pin.difference(chain.model, q, target)[entries], -longest, longest)
+        closure = close_loops(chain, pin.integrate(chain.model, q, step), throw=False)
+        if not closure.success:
+            return q
+        q = closure.q
+        if not limit_violations(chain, q, _CLOSED_IN_FILE):
+            return q
+    return q
+
+
+def home_guess(chain: ClosedChain, *, inside: bool = True) -> Configuration:
     """Assemble the home of the file; joints it does not name are neutral, or mid-way between their limits.
 
     Parameters
     ----------
     chain
         Chain with a description.
+    inside
+        Whether joints that the home does not name are brought inside their limits.
 
     Returns
     -------
@@ -89,7 +129,8 @@ def home_guess(chain: ClosedChain) -> Configuration:
     MechanismError
         If a value has the wrong size.
     """
-    q = clipped(chain, pin.neutral(chain.model))
+    q = pin.neutral(chain.model)
+    q = clipped(chain, q) if inside else q
     for name, values in chain.mechanism.home.items():
         if chain.mechanism.joint(name).kind is JointKind.FIXED:
             continue

@@ -240,6 +240,8 @@ class Mechanism:
         What the reader kept, changed or ignored.
     gravity
         (3,) acceleration of free fall that the file states [m/s²], or None where it states none.
+    assembled
+        Whether the file places the links themselves, so that its home closes every loop, whatever the limits say.
     """
 
     name: str
@@ -253,6 +255,7 @@ class Mechanism:
     source: str = ""
     notes: tuple[Note, ...] = ()
     gravity: tuple[float, float, float] | None = None
+    assembled: bool = False
 
     @property
     def root(self) -> str:

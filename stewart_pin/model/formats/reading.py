@@ -8,6 +8,7 @@ from pathlib import Path
 from stewart_pin.errors import FileFormatError, UnsupportedError
 from stewart_pin.model.description import Mechanism
 from stewart_pin.model.formats.mjcf_reading import read_mjcf
+from stewart_pin.model.formats.sdf import read_sdf
 from stewart_pin.model.formats.urdf import read_urdf
 from stewart_pin.model.formats.xml import read_xml, shown_tag
 
@@ -16,6 +17,7 @@ _SUFFIXES = (".urdf", ".sdf", ".world", ".xml", ".mjcf")
 _READERS: dict[str, Callable[[Path], Mechanism]] = {
     "robot": read_urdf,
     "mujoco": read_mjcf,
+    "sdf": read_sdf,
 }
 """Reader of a file by the tag of its root element."""
 

@@ -1,0 +1,338 @@
+"""Reading SDFormat elements: values as text, poses, flags, and notes on what is not read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from stewart_pin.geometry.rotations import rotation_from_rpy
+from stewart_pin.model.description import Note, Outcome
+from stewart_pin.model.formats.sdf.tags import why_ignored
+from stewart_pin.model.formats.xml import UNLIMITED, ElementReader, shown_tag
+from stewart_pin.typing import FloatArray
+
+_INFINITY = re.compile(r"([+-]?)inf(inity)?", re.IGNORECASE)
+_FLAGS = {"true": True, "1": True, "false": False, "0": False}
+_NO_DIRECTION = 1e-12
+"""Length below which an axis or a quaternion has no direction."""
+_ROUND_OFF = 1e-15
+"""Component of a unit vector below which it counts as zero."""
+
+
+class SdfReader(ElementReader):
+    """Reads elements of one SDFormat file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    notes
+        What was kept, changed or ignored so far; the files of one robot share the list.
+    """
+
+    def __init__(self, path: Path, notes: list[Note]) -> None:
+        super().__init__(path)
+        self.notes = notes
+
+    def note(self, subject: str, text: str, outcome: Outcome = Outcome.IGNORED) -> None:
+        """Write a note for the report.
+
+        Parameters
+        ----------
+        subject
+            Link, joint or model.
+        text
+            What became of it.
+        outcome
+            Kept, changed or ignored.
+        """
+        self.notes.append(Note(subject, text, outcome))
+
+    def note_strangers(self, element: etree._Element, owner: str, known: Collection[str]) -> None:
+        """Note the children that are not read, and stop at those that could change the mechanism.
+
+        Parameters
+        ----------
+        element
+            Where to look.
+        owner
+            Named in the message.
+        known
+            Tags that are read.
+        """
+        for child in element.iterchildren(etree.Element):
+            if shown_tag(child) not in known:
+                self.note(owner, f"<{shown_tag(child)}>: {why_ignored(self, child, owner)}")
+
+    def children(self, element: etree._Element, tag: str) -> list[etree._Element]:
+        """List the children of a tag.
+
+        Parameters
+        ----------
+        element
+            Where to look.
+        tag
+            Tag with its prefix, whether its namespace is declared or not.
+
+        Returns
+        -------
+        list
+            The children, in the order of the file.
+        """
+        return [child for child in element.iterchildren(etree.Element) if shown_tag(child) == tag]
+
+    def optional(self, element: etree._Element, tag: str, owner: str) -> etree._Element | None:
+        """Find a child element, of which there may be at most one.
+
+        Parameters
+        ----------
+        element
+            Where to look.
+        tag
+            Tag of the child, with its prefix.
+        owner
+            Named in the message.
+
+        Returns
+        -------
+        lxml.etree._Element or None
+            The child.
+        """
+        found = self.children(element, tag)
+        if len(found) > 1:
+            raise self.error(
+                f"{owner} has {len(found)} <{tag}> (line {found[1].sourceline}); keep one", owner
+            )
+        return found[0] if found else None
+
+    def name(self, element: etree._Element) -> str:
+        """Read the name of a link, joint, frame or model.
+
+        Parameters
+        ----------
+        element
+            The element.
+
+        Returns
+        -------
+        str
+            Its name.
+        """
+        name = self.text(element, "name", f"a <{shown_tag(element)}>")
+        if name == "world" or (name.startswith("__") and name.endswith("__")):
+            raise self.error(
+                f"<{shown_tag(element)}> (line {element.sourceline}) has the name '{name}', which SDFormat keeps "
+                "for itself; rename it",
+                name,
+            )
+        return name
+
+    def content(self, element: etree._Element, tag: str, owner: str) -> str:
+        """Read the text of a child that is required.
+
+        Parameters
+        ----------
+        element
+            Where to look.
+        tag
+            Tag of the child.
+        owner
+            Named in the message.
+
+        Returns
+        -------
+        str
+            Its text, without blanks around it.
+        """
+        child = self.child(element, tag, owner)
+        text = (child.text or "").strip()
+        if not text:
+            raise self.error(f"{owner}: <{tag}> (line {child.sourceline}) is empty", owner)
+        return text
+
+    def vector(self, element: etree._Element, tag: str, n: int, owner: str, default: str = "") -> FloatArray:
+        """Read a child of n finite numbers.
+
+        Parameters
+        ----------
+        element
+            Where to look.
+        tag
+            Tag of the child.
+        n
+            How many numbers it holds.
+        owner
+            Named in the message.
+        default
+            Text to use when the child is absent; empty: it is required.
+
+        Returns
+        -------
+        numpy.ndarray
+            (n,) the numbers, in the unit of the element [m, rad, kg, kg m²].
+        """
+        child = self.optional(element, tag, owner) if default else self.child(element, tag, owner)
+        if child is None:
+            return self.parse(default, n, owner, owner)
+        return self.parse((child.text or "").strip(), n, f"{owner}: <{tag}> (line {child.sourceline})", owner)
+
+    def number(self, element: etree._Element, tag: str, owner: str, default: str = "") -> float:
+        """Read a child of one finite number.
+
+        Parameters
+        ----------
+        element
+            Where to look.
+        tag
+            Tag of the child.
+        owner
+            Named in the message.
+        default
+            Text to use when the child is absent; empty: it is required.
+
+        Returns
+        -------
+        float
+            The number, in the unit of the element [m, rad, kg, kg m²].
+        """
+        return float(self.vector(element, tag, 1, owner, default)[0])
+
+    def bound(self, element: etree._Element, tag: str, owner: str) -> float | None:
+        """Read a limit, which may be infinite.
+
+        Parameters
+        ----------
+        element
+            Where to look.
+        tag
+            Tag of the child.
+        owner
+            Named in the message.
+
+        Returns
+        -------
+        float or None
+            The limit [m, rad, N, N m, m/s or rad/s], or None where the file states none.
+        """
+        child = self.optional(element, tag, owner)
+        if child is None:
+            return None
+        text = (child.text or "").strip()
+        endless = _INFINITY.fullmatch(text)
+        if endless:
+            return -np.inf if endless[1] == "-" else np.inf
+        value = float(self.parse(text, 1, f"{owner}: <{tag}> (line {child.sourceline})", owner)[0])
+        # SDFormat's own number for no limit; exporters write that of float, 3.4e38 being refused with all others.
+        return float(np.copysign(np.inf, value)) if abs(value) >= min(1e16, UNLIMITED) else value
+
+    def flag(
+        self, element: etree._Element, tag: str, owner: str, *, default: bool = False, attribute: bool = False
+    ) -> bool:
+        """Read a child or an attribute that is true or false.
+
+        Parameters
+        ----------
+        element
+            Where to look.
+        tag
+            Tag of the child, or name of the attribute.
+        owner
+            Named in the message.
+        default
+            What absence means.
+        attribute
+            Whether it is an attribute.
+
+        Returns
+        -------
+        bool
+            The flag.
+        """
+        if attribute:
+            text = element.get(tag)
+        else:
+            child = self.optional(element, tag, owner)
+            text = None if child is None else (child.text or "")
+        if text is None:
+            return default
+        value = _FLAGS.get(text.strip().lower())
+        if value is None:
+            raise self.error(
+                f"{owner}: <{tag}> (line {element.sourceline}) must be true or false, got {text.strip()!r}",
+                owner,
+            )
+        return value
+
+    def pose(self, element: etree._Element, owner: str) -> tuple[pin.SE3, str]:
+        """Read the ``<pose>`` of an element.
+
+        Parameters
+        ----------
+        element
+            Link, joint, frame, model or inertial.
+        owner
+            Named in the message.
+
+        Returns
+        -------
+        placement : pinocchio.SE3
+            The pose; the identity where there is none.
+        relative_to : str
+            Name of the frame in which it is given; empty for the default of the element.
+        """
+        pose = self.optional(element, "pose", owner)
+        if pose is None:
+            return pin.SE3.Identity(), ""
+        # Up to 1.6 the attribute was called `frame`.
+        frame = pose.get("relative_to") or pose.get("frame") or ""
+        where = f"{owner}: <pose> (line {pose.sourceline})"
+        written = pose.get("rotation_format", "euler_rpy")
+        degrees = self.flag(pose, "degrees", owner, attribute=True)
+        text = (pose.text or "").strip()
+        if not text:
+            return pin.SE3.Identity(), frame
+        if written == "quat_xyzw" and not degrees:
+            values = self.parse(text, 7, where, owner)
+            size = float(np.linalg.norm(values[3:]))
+            if size < _NO_DIRECTION:
+                raise self.error(f"{where} has a quaternion of length zero", owner)
+            return pin.SE3(pin.Quaternion(values[3:] / size).matrix(), values[:3]), frame
+        if written != "euler_rpy":
+            raise self.error(
+                f"{where} has the rotation_format '{written}'"
+                f"{' in degrees' if degrees else ''}; write euler_rpy, or quat_xyzw without degrees",
+                owner,
+            )
+        values = self.parse(text, 6, where, owner)
+        angles = np.deg2rad(values[3:]) if degrees else values[3:]
+        return pin.SE3(rotation_from_rpy(*angles), values[:3]), frame
+
+
+def direction(reader: SdfReader, vector: FloatArray, owner: str) -> FloatArray:
+    """Scale an axis to unit length.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file, for the error.
+    vector
+        (3,) axis as the file gives it, dimensionless.
+    owner
+        Named in the message.
+
+    Returns
+    -------
+    numpy.ndarray
+        (3,) unit vector, dimensionless; exactly along a coordinate axis where only round-off says otherwise.
+    """
+    size = float(np.linalg.norm(vector))
+    if size < _NO_DIRECTION:
+        raise reader.error(f"{owner} has an axis of length zero; give a direction", owner)
+    unit = vector if abs(size - 1) < _ROUND_OFF else vector / size
+    unit = np.where(np.abs(unit) < _ROUND_OFF, 0.0, unit)
+    return np.sign(unit) if np.count_nonzero(unit) == 1 else unit

@@ -1,0 +1,241 @@
+"""Joints of SDFormat as the file gives them: two links, a frame in each, axes with their limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.model.description import JointKind, Outcome
+from stewart_pin.model.formats.sdf.axes import Axis, read_axis
+from stewart_pin.model.formats.sdf.frames import WORLD, Scope
+
+_KINDS = {
+    "fixed": JointKind.FIXED,
+    "revolute": JointKind.REVOLUTE,
+    "continuous": JointKind.REVOLUTE,
+    "prismatic": JointKind.PRISMATIC,
+    "ball": JointKind.SPHERICAL,
+    "universal": JointKind.UNIVERSAL,
+    "revolute2": JointKind.UNIVERSAL,
+    # Turn and slide along one axis, which the thread couples.
+    "screw": JointKind.CYLINDRICAL,
+}
+_AXES = {
+    JointKind.REVOLUTE: ("axis",),
+    JointKind.PRISMATIC: ("axis",),
+    JointKind.CYLINDRICAL: ("axis",),
+    JointKind.UNIVERSAL: ("axis", "axis2"),
+}
+_IN_JOINT = {
+    "parent", "child", "pose", "axis", "axis2", "physics", "thread_pitch", "screw_thread_pitch", "gearbox_ratio",
+    "gearbox_reference_body", "drake:mimic",
+}  # fmt: skip
+GEARBOX = "gearbox"
+
+
+@dataclass(frozen=True, eq=False)
+class SdfJoint:
+    """A joint of the file, before anything decides whether it hangs its child or closes a loop.
+
+    Attributes
+    ----------
+    name, written
+        Full name, and type as written.
+    kind
+        What it leaves free; a screw is cylindrical here.
+    parent, child
+        Full link names; the parent may be the world.
+    in_parent, in_child
+        Frame of the joint in both links, at zero.
+    axes
+        As many as the type has.
+    lead
+        Travel of a screw per turn [m], positive for a right-hand thread.
+    must_close
+        Whether the file asks that it closes a loop.
+    """
+
+    name: str
+    written: str
+    kind: JointKind
+    parent: str
+    child: str
+    in_parent: pin.SE3
+    in_child: pin.SE3
+    axes: tuple[Axis, ...] = ()
+    lead: float = 0.0
+    must_close: bool = False
+
+
+def read_joint(scope: Scope, element: etree._Element) -> SdfJoint:
+    """Read a joint.
+
+    Parameters
+    ----------
+    scope
+        Model that holds it.
+    element
+        A ``<joint>`` of any type but ``gearbox``.
+
+    Returns
+    -------
+    SdfJoint
+        The joint.
+
+    Raises
+    ------
+    UnsupportedError
+        If its type exists, and is not understood.
+    """
+    reader = scope.reader
+    name = scope.prefix + reader.name(element)
+    owner = f"joint '{name}'"
+    written = reader.text(element, "type", owner).lower()
+    if written not in _KINDS:
+        raise UnsupportedError(
+            f"{reader.path}: {owner} (line {element.sourceline}) has the type '{written}'; supported: "
+            f"{', '.join([*sorted(_KINDS), GEARBOX])}"
+        )
+    kind = _KINDS[written]
+    tags = _AXES.get(kind, ())
+    reader.note_strangers(element, owner, _IN_JOINT)
+    for tag in ("axis", "axis2"):
+        if tag not in tags and reader.children(element, tag):
+            reader.note(owner, f"<{tag}>: a joint of type '{written}' has none")
+    parent, child = ends(scope, element, owner)
+    placement, in_child = joint_frame(scope, element, child, owner)
+    return SdfJoint(
+        name=name,
+        written=written,
+        kind=kind,
+        parent=parent,
+        child=child,
+        in_parent=link_pose(scope, parent).inverse() * placement,
+        in_child=in_child,
+        axes=tuple(
+            read_axis(scope, element, tag, placement, owner, endless=written == "continuous") for tag in tags
+        ),
+        lead=_lead(scope, element, owner) if written == "screw" else 0.0,
+        must_close=_must_close(scope, element, owner),
+    )
+
+
+def ends(scope: Scope, element: etree._Element, owner: str) -> tuple[str, str]:
+    """Find the two links that a joint joins; the file may name frames on them.
+
+    Parameters
+    ----------
+    scope
+        Model that holds the joint.
+    element
+        The joint.
+    owner
+        The joint, for messages.
+
+    Returns
+    -------
+    parent, child : str
+        Full link names; the parent may be the world.
+    """
+    reader = scope.reader
+    written = [reader.content(element, tag, owner) for tag in ("parent", "child")]
+    parent, child = (scope.body(name, owner) for name in written)
+    if child == WORLD:
+        raise reader.error(
+            f"{owner} (line {element.sourceline}) has the world as its child; make it the parent", owner
+        )
+    if parent == child:
+        raise reader.error(
+            f"{owner} (line {element.sourceline}) joins link '{child}' to itself; correct <parent> or <child>",
+            owner,
+        )
+    return parent, child
+
+
+def link_pose(scope: Scope, link: str) -> pin.SE3:
+    """Find where a link stands in the world while all joints are at zero.
+
+    Parameters
+    ----------
+    scope
+        Any model of the file.
+    link
+        Full link name, or ``world``.
+
+    Returns
+    -------
+    pinocchio.SE3
+        Placement of the link in the world.
+    """
+    if link == WORLD:
+        return pin.SE3.Identity()
+    while scope.prefix and scope.parent is not None:
+        scope = scope.parent
+    return scope.pose(link, f"link '{link}'")
+
+
+def joint_frame(scope: Scope, element: etree._Element, child: str, owner: str) -> tuple[pin.SE3, pin.SE3]:
+    """Find where a joint stands at zero.
+
+    Parameters
+    ----------
+    scope
+        Model that holds the joint.
+    element
+        The joint.
+    child
+        Full name of its child link.
+    owner
+        The joint, for messages.
+
+    Returns
+    -------
+    in_world, in_child : pinocchio.SE3
+        Placements of the joint.
+    """
+    placement, relative_to = scope.reader.pose(element, owner)
+    written = scope.reader.content(element, "child", owner)
+    in_world = scope.pose(relative_to or written, owner) * placement
+    if not relative_to and scope.prefix + written == child:
+        return in_world, placement  # with the digits of the file
+    return in_world, link_pose(scope, child).inverse() * in_world
+
+
+def _lead(scope: Scope, element: etree._Element, owner: str) -> float:
+    """Read the travel per turn: the old ``thread_pitch`` is in rad/m, positive for a left-hand thread."""
+    reader = scope.reader
+    if reader.children(element, "screw_thread_pitch"):
+        return reader.number(element, "screw_thread_pitch", owner)
+    if not reader.children(element, "thread_pitch"):
+        raise reader.error(
+            f"{owner} (line {element.sourceline}) is a screw without a thread; give <screw_thread_pitch> in m per "
+            "turn",
+            owner,
+        )
+    pitch = reader.number(element, "thread_pitch", owner)
+    lead = -2 * np.pi / pitch if pitch else inf
+    if not np.isfinite(lead):
+        raise reader.error(
+            f"{owner}: <thread_pitch> (line {element.sourceline}) must not be zero: it is in rad per m", owner
+        )
+    reader.note(
+        owner,
+        "<thread_pitch>: read as rad per m of a left-hand thread, as Gazebo does; <screw_thread_pitch> says m per turn",
+        Outcome.KEPT,
+    )
+    return float(lead)
+
+
+def _must_close(scope: Scope, element: etree._Element, owner: str) -> bool:
+    """Find Simbody's mark of a joint at which the tree is to be cut."""
+    reader, found = scope.reader, False
+    for physics in reader.children(element, "physics"):
+        for engine in reader.children(physics, "simbody"):
+            found = found or reader.flag(engine, "must_be_loop_joint", owner)
+        reader.note(owner, "<physics>: simulator settings")
+    return found

@@ -1,0 +1,271 @@
+"""From an SDFormat file to a mechanism.
+
+A joint whose child link has a parent already closes a loop: Gazebo Classic's way. Drake's ``drake:ball_constraint``
+closes one as well. Poses are those of the links at rest, so that every loop is closed while all joints are at zero.
+
+References
+----------
+.. [1] Open Robotics, "SDFormat Specification", versions 1.4 to 1.12.
+.. [2] R. Tedrake et al., "Drake", multibody parsing: custom elements.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Outcome
+from stewart_pin.model.formats.sdf.axes import Axis
+from stewart_pin.model.formats.sdf.couplings import is_gearbox, read_gearbox, read_mimics
+from stewart_pin.model.formats.sdf.frames import WORLD, Scope
+from stewart_pin.model.formats.sdf.joints import SdfJoint, ends, link_pose, read_joint
+from stewart_pin.model.formats.sdf.models import open_document
+from stewart_pin.model.formats.sdf.tree import grow_tree
+
+_INERTIA = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+_PLATFORM = "platform"
+
+
+def read_sdf(path: Path) -> Mechanism:
+    """Read a model from SDFormat.
+
+    Links keep their SDFormat frames, and stand under one more link, the ground, called ``world``.
+
+    Parameters
+    ----------
+    path
+        File with ``<sdf>`` as its root: one model, or a world in which one model has joints.
+
+    Returns
+    -------
+    Mechanism
+        Description, not yet validated.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is broken, names what does not exist, or holds something that could change the mechanism and is
+        not understood.
+    UnsupportedError
+        If it uses a type of joint, an include or a force that is not supported.
+    """
+    document = open_document(path)
+    model, notes = document.model, document.notes
+    scopes = model.models()
+    if model.static and any(scope.reader.children(scope.element, "joint") for scope in scopes):
+        raise model.reader.error(
+            f"{model.owner} is static, so that its joints cannot move; remove <static>, and hold its base by a fixed "
+            "joint whose parent is world",
+            model.owner,
+        )
+    links: list[Link] = []
+    poses: dict[str, pin.SE3] = {}
+    floating: set[str] = set()
+    weightless: list[str] = []
+    for scope in scopes:
+        for element in scope.reader.children(scope.element, "link"):
+            link = _link(scope, element, weightless, floating)
+            links.append(link)
+            poses[link.name] = link_pose(scope, link.name)
+    if not links:
+        raise model.reader.error(f"{model.owner} has no <link>", model.owner)
+    gravity = document.gravity
+    if weightless:
+        if len(weightless) < len(links):
+            raise model.reader.error(
+                f"link '{weightless[0]}' has <gravity> off, and others have it on; make them alike",
+                weightless[0],
+            )
+        gravity = (0.0, 0.0, 0.0)
+    joints = [joint for scope in scopes for joint in _joints(scope)]
+    couplings: list[Coupling] = []
+    for scope in scopes:
+        for element in scope.reader.children(scope.element, "joint"):
+            if is_gearbox(element):
+                couplings.append(read_gearbox(scope, element, joints))
+    couplings += read_mimics(model, joints)
+    motors = _driven(model, joints)
+    tree = grow_tree(
+        joints,
+        poses,
+        fixed={scope.prefix + name for scope in scopes if scope.static for name in _own_links(scope)},
+        based=floating,
+        needed=_used(couplings, joints),
+        motors=motors,
+        source=str(path),
+    )
+    constraints = [loop for scope in scopes for loop in _ball_constraints(scope)]
+    frames, mounts = _frames(scopes, poses)
+    everywhere = [*links, *tree.links, *frames]
+    return Mechanism(
+        name=model.element.get("name", path.stem),
+        links=(Link(WORLD), *everywhere),
+        joints=(*tree.joints, *mounts),
+        loops=(*tree.loops, *constraints),
+        couplings=(*couplings, *tree.couplings),
+        platform=_PLATFORM if any(link.name == _PLATFORM for link in everywhere) else None,
+        home=tree.home,
+        source=str(path),
+        notes=(*notes, *tree.notes),
+        gravity=gravity,
+        assembled=not constraints and _agree(joints, couplings),
+    )
+
+
+def _own_links(scope: Scope) -> list[str]:
+    return [scope.reader.name(element) for element in scope.reader.children(scope.element, "link")]
+
+
+def _link(scope: Scope, element: etree._Element, weightless: list[str], floating: set[str]) -> Link:
+    reader = scope.reader
+    name = scope.prefix + reader.name(element)
+    owner = f"link '{name}'"
+    reader.note_strangers(element, owner, {"pose", "inertial", "gravity", "kinematic", "must_be_base_link"})
+    if reader.flag(element, "kinematic", owner):
+        raise UnsupportedError(
+            f"{reader.path}: {owner} (line {element.sourceline}) is <kinematic>: something outside the model moves it; "
+            "remove the element, or the link"
+        )
+    if not reader.flag(element, "gravity", owner, default=True):
+        weightless.append(name)
+    if reader.flag(element, "must_be_base_link", owner):
+        floating.add(name)
+    inertial = reader.optional(element, "inertial", owner)
+    if inertial is None:
+        # What the format's parsers assume.
+        reader.note(owner, "has no <inertial>: 1 kg, 1 kg m² about every axis", Outcome.KEPT)
+        return Link(name, pin.Inertia(1.0, np.zeros(3), np.eye(3)))
+    if reader.flag(inertial, "auto", owner, attribute=True) or reader.children(inertial, "density"):
+        raise UnsupportedError(
+            f"{reader.path}: {owner} (line {inertial.sourceline}) has its <inertial> computed from its shapes; write "
+            "<mass> and <inertia>"
+        )
+    if reader.children(inertial, "fluid_added_mass"):
+        raise UnsupportedError(
+            f"{reader.path}: {owner} (line {inertial.sourceline}) has a <fluid_added_mass>, which no rigid body has; "
+            "remove it"
+        )
+    reader.note_strangers(inertial, owner, {"mass", "pose", "inertia"})
+    mass = reader.number(inertial, "mass", owner, "1")
+    entries = reader.optional(inertial, "inertia", owner)
+    matrix = np.eye(3)
+    if entries is not None:
+        reader.note_strangers(entries, owner, set(_INERTIA))
+        for key, (i, j) in _INERTIA.items():
+            matrix[i, j] = matrix[j, i] = reader.number(entries, key, owner, "1" if i == j else "0")
+    placement, relative_to = reader.pose(inertial, owner)
+    if relative_to:
+        raise reader.error(
+            f"{owner}: the <pose> of its <inertial> (line {inertial.sourceline}) is relative to '{relative_to}', but "
+            "it stands in the link frame always; remove the attribute",
+            owner,
+        )
+    turned = placement.rotation @ matrix @ placement.rotation.T
+    # Set afterwards: the constructor refuses negative moments with an error that names nothing.
+    inertia = pin.Inertia(mass, placement.translation, np.zeros((3, 3)))
+    inertia.inertia = (turned + turned.T) / 2
+    return Link(name, inertia)
+
+
+def _joints(scope: Scope) -> list[SdfJoint]:
+    reader = scope.reader
+    joints = [
+        read_joint(scope, element)
+        for element in reader.children(scope.element, "joint")
+        if not is_gearbox(element)
+    ]
+    joints += [_drake_joint(scope, element) for element in reader.children(scope.element, "drake:joint")]
+    for tag, remedy in (
+        (
+            "drake:linear_bushing_rpy",
+            "is a spring; write the joint that it stands for, or a <drake:ball_constraint>",
+        ),
+        ("drake:tendon_constraint", "is not understood; write <mimic> where joints are to move together"),
+    ):
+        for element in reader.children(scope.element, tag):
+            raise UnsupportedError(
+                f"{reader.path}: <{tag}> (line {element.sourceline}) of {scope.owner} {remedy}"
+            )
+    return joints
+
+
+def _drake_joint(scope: Scope, element: etree._Element) -> SdfJoint:
+    """Read Drake's planar joint: at zero, the frames of both links are one, whatever their poses in the file."""
+    reader = scope.reader
+    name = scope.prefix + reader.name(element)
+    owner = f"joint '{name}'"
+    written = reader.text(element, "type", owner)
+    if written != "planar" or reader.children(element, "pose"):
+        raise UnsupportedError(
+            f"{reader.path}: <drake:joint> '{name}' (line {element.sourceline}) of type '{written}'; supported: "
+            "planar, without a <pose>"
+        )
+    reader.note_strangers(element, owner, {"drake:parent", "drake:child"})
+    plain = etree.Element("joint", name=name)
+    for tag in ("parent", "child"):
+        etree.SubElement(plain, tag).text = reader.content(element, f"drake:{tag}", owner)
+    parent, child = ends(scope, plain, owner)
+    reader.note(owner, "<drake:joint>: at zero, both link frames are one", Outcome.KEPT)
+    one, normal = pin.SE3.Identity(), np.array([0.0, 0.0, 1.0])
+    return SdfJoint(name, written, JointKind.PLANAR, parent, child, one, one, (Axis(normal),))
+
+
+def _ball_constraints(scope: Scope) -> list[Loop]:
+    """Read Drake's constraints that hold a point of one link at a point of another."""
+    reader, tag = scope.reader, "drake:ball_constraint"
+    loops: list[Loop] = []
+    for number, element in enumerate(reader.children(scope.element, tag), start=1):
+        owner = f"<{tag}> {number} (line {element.sourceline})"
+        ends_of = ("body_A", "body_B")
+        points = ("p_AP", "p_BQ")
+        reader.note_strangers(element, owner, {f"{tag}_{part}" for part in (*ends_of, *points)})
+        names = [scope.body(reader.content(element, f"{tag}_{part}", owner), owner) for part in ends_of]
+        at = [pin.SE3(np.eye(3), reader.vector(element, f"{tag}_{part}", 3, owner)) for part in points]
+        name = f"{scope.prefix}ball_constraint_{number}"
+        loops.append(Loop(name, JointKind.SPHERICAL, names[0], names[1], at[0], at[1]))
+    return loops
+
+
+def _driven(model: Scope, joints: list[SdfJoint]) -> list[str]:
+    """Find the motors where the file tells: every axis states its effort, and that of some joints is zero."""
+    movable = [joint for joint in joints if joint.kind in (JointKind.REVOLUTE, JointKind.PRISMATIC)]
+    efforts = [joint.axes[0].effort for joint in movable]
+    if None in efforts or 0.0 not in efforts or not any(efforts):
+        return []
+    driven = [joint.name for joint, effort in zip(movable, efforts, strict=True) if effort]
+    for name in driven:
+        model.reader.note(f"joint '{name}'", "a motor: every other axis has <effort>0</effort>", Outcome.KEPT)
+    return driven
+
+
+def _agree(joints: list[SdfJoint], couplings: list[Coupling]) -> bool:
+    """Tell whether the links of the file stand as they do while all joints are at zero."""
+    shifted = any(coupling.polynomial[0] for coupling in couplings)
+    return not shifted and all(joint.kind is not JointKind.PLANAR for joint in joints)
+
+
+def _used(couplings: list[Coupling], joints: list[SdfJoint]) -> set[str]:
+    """Name the joints of the file whose positions couplings use."""
+    used = {name for coupling in couplings for name in (coupling.joint1, coupling.joint2)}
+    return {joint.name for joint in joints if used & {joint.name, f"{joint.name}_1", f"{joint.name}_2"}}
+
+
+def _frames(scopes: list[Scope], poses: dict[str, pin.SE3]) -> tuple[list[Link], list[Joint]]:
+    """Make a link without inertia of every ``<frame>``, so that it may be the platform."""
+    links: list[Link] = []
+    mounts: list[Joint] = []
+    for scope in scopes:
+        for element in scope.reader.children(scope.element, "frame"):
+            written = scope.reader.name(element)
+            name = scope.prefix + written
+            owner = f"frame '{name}'"
+            scope.reader.note_strangers(element, owner, {"pose"})
+            carrier = scope.body(written, owner)
+            placement = poses.get(carrier, pin.SE3.Identity()).inverse() * scope.pose(written, owner)
+            links.append(Link(name))
+            mounts.append(Joint(f"{name}_frame", JointKind.FIXED, carrier, name, placement))
+    return links, mounts

@@ -1,0 +1,262 @@
+"""Which model an SDFormat file is about, with the models nested in it and the files that it includes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from lxml import etree
+
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.model.description import Note
+from stewart_pin.model.formats.sdf.elements import SdfReader
+from stewart_pin.model.formats.sdf.frames import Scope, check_names
+from stewart_pin.model.formats.xml import read_xml, shown_tag
+
+_OLDEST, _NEWEST = (1, 4), (1, 12)
+_IN_MODEL = {
+    "pose", "static", "link", "joint", "frame", "model", "include",
+    "drake:joint", "drake:ball_constraint", "drake:linear_bushing_rpy", "drake:tendon_constraint",
+}  # fmt: skip
+_SCENERY = {
+    "model", "include", "frame", "gravity", "physics", "joint", "plugin", "light", "actor", "audio", "wind",
+    "magnetic_field", "atmosphere", "gui", "scene", "road", "spherical_coordinates", "state", "population",
+}  # fmt: skip
+_MODELS = 1000
+"""How many models a file may nest or include, so that files that include each other end."""
+_DEPTH = 50
+"""How deep they may be nested."""
+
+
+@dataclass(frozen=True, eq=False)
+class SdfDocument:
+    """The robot of a file.
+
+    Attributes
+    ----------
+    model
+        Its outermost model.
+    gravity
+        (3,) acceleration of free fall that the world states [m/s²], or None.
+    notes
+        What was found; the readers of all parts write here.
+    """
+
+    model: Scope
+    gravity: tuple[float, float, float] | None
+    notes: list[Note]
+
+
+def open_document(path: Path) -> SdfDocument:
+    """Open a file, and find its robot.
+
+    Parameters
+    ----------
+    path
+        File with ``<sdf>`` as its root.
+
+    Returns
+    -------
+    SdfDocument
+        The robot, with all frames known by name.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is broken, or holds no model, or several.
+    UnsupportedError
+        If it includes a model that stands elsewhere than in a file beside it.
+    """
+    return _Opener().document(path)
+
+
+class _Opener:
+    def __init__(self) -> None:
+        self.notes: list[Note] = []
+        self.count = 0
+
+    def document(self, path: Path) -> SdfDocument:
+        reader, root, version = self._open(path)
+        worlds, models = reader.children(root, "world"), reader.children(root, "model")
+        if len(worlds) + len(models) != 1:
+            names = ", ".join(f"'{element.get('name', '')}'" for element in [*worlds, *models])
+            raise reader.error(
+                f"the file has {len(worlds)} <world> and {len(models)} <model> ({names or 'none'}); keep one",
+                "<sdf>",
+            )
+        for element in root.iterchildren(etree.Element):
+            if shown_tag(element) not in ("world", "model"):
+                reader.note("the file", f"<{shown_tag(element)}>: only the model is read")
+        if models:
+            return SdfDocument(self._model(reader, models[0], version, None, "", 0), None, self.notes)
+        return self._from_world(reader, worlds[0], version)
+
+    def _open(self, path: Path) -> tuple[SdfReader, etree._Element, tuple[int, ...]]:
+        reader, root = SdfReader(path, self.notes), read_xml(path)
+        if root.tag != "sdf":
+            raise reader.error(
+                f"the root element is <{shown_tag(root)}>, an SDFormat file has <sdf>", f"<{shown_tag(root)}>"
+            )
+        text = reader.text(root, "version", "the file").strip()
+        numbers = text.split(".")
+        version = tuple(
+            int(part) for part in numbers if part.isascii() and part.isdecimal() and len(part) < 5
+        )
+        if len(version) != len(numbers) or not _OLDEST <= version[:2] <= _NEWEST:
+            raise reader.error(
+                f"<sdf version='{text}'>: versions 1.4 to 1.12 are read; convert other files with 'gz sdf -p'",
+                "<sdf>",
+            )
+        return reader, root, version
+
+    def _from_world(self, reader: SdfReader, world: etree._Element, version: tuple[int, ...]) -> SdfDocument:
+        owner = f"world '{world.get('name', '')}'"
+        for element in reader.children(world, "joint"):
+            raise reader.error(
+                f"{owner} joins models by a <joint> (line {element.sourceline}), which is not understood; "
+                "nest the models in one <model>",
+                "<joint>",
+            )
+        for tag in dict.fromkeys(shown_tag(element) for element in world.iterchildren(etree.Element)):
+            if tag not in _SCENERY:
+                reader.note(owner, f"<{tag}>: only the robot is read")
+        around = Scope(reader, world, "", version)
+        _enter_frames(around)
+        chosen, others = self._robot(reader, world, owner)
+        for element in others:
+            reader.note(owner, f"<{shown_tag(element)}> '{_title(element)}': another model")
+        if shown_tag(chosen) == "include":
+            model = self._include(reader, chosen, around, "", 0)
+        else:
+            model = self._model(reader, chosen, version, around, "", 0)
+        # Up to 1.5, gravity stood in <physics>.
+        physics = reader.children(world, "physics")
+        for holder in [world, *physics]:
+            if reader.children(holder, "gravity"):
+                x, y, z = (float(value) for value in reader.vector(holder, "gravity", 3, owner))
+                return SdfDocument(model, (x, y, z), self.notes)
+        return SdfDocument(model, None, self.notes)
+
+    def _robot(
+        self, reader: SdfReader, world: etree._Element, owner: str
+    ) -> tuple[etree._Element, list[etree._Element]]:
+        """Choose the one model of a world, or the only one that has joints."""
+        inside = [e for e in world.iterchildren(etree.Element) if shown_tag(e) in ("model", "include")]
+        jointed = [e for e in inside if any(j.getparent().tag == "model" for j in e.iter("joint"))]
+        candidates = jointed if len(jointed) == 1 else inside
+        if len(candidates) != 1:
+            names = ", ".join(f"'{_title(element)}'" for element in candidates) or "none"
+            raise reader.error(
+                f"{owner} has not one model that may be the robot, but: {names}; load the file of the robot alone, or "
+                "remove the others",
+                owner,
+            )
+        return candidates[0], [element for element in inside if element is not candidates[0]]
+
+    def _model(
+        self,
+        reader: SdfReader,
+        element: etree._Element,
+        version: tuple[int, ...],
+        parent: Scope | None,
+        prefix: str,
+        depth: int,
+    ) -> Scope:
+        self.count += 1
+        if depth > _DEPTH or self.count > _MODELS:
+            raise reader.error(
+                f"more than {_MODELS} models, or more than {_DEPTH} inside each other, at line "
+                f"{element.sourceline}; do files include each other?",
+                "<model>",
+            )
+        name = reader.name(element)
+        owner = f"model '{name}'"
+        static = reader.flag(element, "static", owner) or (parent is not None and parent.static)
+        frame = element.get("placement_frame", "")
+        scope = Scope(reader, element, prefix, version, parent, placement_frame=frame, static=static)
+        reader.note_strangers(element, owner, _IN_MODEL)
+        _enter_frames(scope)
+        for child in element.iterchildren(etree.Element):
+            match shown_tag(child):
+                case "model":
+                    inner = f"{prefix}{reader.name(child)}::"
+                    nested = self._model(reader, child, version, scope, inner, depth + 1)
+                case "include":
+                    nested = self._include(reader, child, scope, prefix, depth + 1)
+                case _:
+                    continue
+            inner = nested.prefix.removeprefix(prefix).removesuffix("::")
+            if inner in scope.nested or inner in scope.elements:
+                raise reader.error(
+                    f"{owner} has two elements called '{inner}' (line {child.sourceline}); rename one", inner
+                )
+            scope.nested[inner] = nested
+        return scope
+
+    def _include(
+        self, reader: SdfReader, element: etree._Element, parent: Scope, prefix: str, depth: int
+    ) -> Scope:
+        """Take in the model of another file; the ``<include>`` may give it another name and place."""
+        owner = f"<include> (line {element.sourceline}) of {parent.owner}"
+        uri = reader.content(element, "uri", owner)
+        if reader.flag(element, "merge", owner, attribute=True) or reader.children(
+            element, "experimental:params"
+        ):
+            raise UnsupportedError(
+                f"{reader.path}: {owner} merges or changes the model of '{uri}'; put its elements into the file"
+            )
+        reader.note_strangers(element, owner, {"uri", "name", "pose", "static", "placement_frame"})
+        inner, root, version = self._open(_beside(reader, uri, owner))
+        models = inner.children(root, "model")
+        if len(models) != 1:
+            raise inner.error(
+                f"the file is included by {reader.path}, and has {len(models)} <model>; keep one", uri
+            )
+        given = reader.children(element, "name")
+        name = reader.content(element, "name", owner) if given else inner.name(models[0])
+        inside = f"{prefix}{name}::" if parent.element.tag == "model" else ""
+        scope = self._model(inner, models[0], version, parent, inside, depth)
+        if reader.children(element, "static"):
+            for part in scope.models():
+                part.static = reader.flag(element, "static", owner) or parent.static
+        if reader.children(element, "pose"):
+            scope.placing = (reader, element)
+            if reader.children(element, "placement_frame"):
+                scope.placement_frame = reader.content(element, "placement_frame", owner)
+        return scope
+
+
+def _enter_frames(scope: Scope) -> None:
+    """Enter links, joints and frames by name; links first, where an old file uses a name twice."""
+    check_names(scope)
+    for tag in ("link", "joint", "frame"):
+        for element in scope.reader.children(scope.element, tag):
+            scope.elements.setdefault(scope.reader.name(element), element)
+
+
+def _title(element: etree._Element) -> str:
+    return (element.get("name") or element.findtext("name") or element.findtext("uri") or "").strip()
+
+
+def _beside(reader: SdfReader, uri: str, owner: str) -> Path:
+    """Find an included file: only beside the one that includes it."""
+    plain = uri.removeprefix("file://")
+    if "://" in plain or Path(plain).is_absolute():
+        raise UnsupportedError(
+            f"{reader.path}: {owner}: '{uri}' would be looked up in a simulator's model path; give the path of the "
+            "file relative to this one, or put its <model> here"
+        )
+    path = Path(reader.path).parent / plain
+    if not path.is_dir():
+        return path
+    # A folder says in model.config which file holds the model; the newest format comes last.
+    files: Iterable[etree._Element] = read_xml(path / "model.config").findall("sdf")
+
+    def age(element: etree._Element) -> list[int]:
+        return [int(part) if part.isdecimal() else 0 for part in element.get("version", "").split(".")]
+
+    newest = max(files, key=age, default=None)
+    if newest is None or not (newest.text or "").strip():
+        raise reader.error(f"{owner}: {path / 'model.config'} names no <sdf> file", uri)
+    return path / str(newest.text).strip()

@@ -1,0 +1,152 @@
+"""Which model of an SDFormat file is read: worlds, nested and included models."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stewart_pin.errors import FileFormatError, FileMissingError, UnsupportedError
+from stewart_pin.model.description import JointKind
+from stewart_pin.model.formats.sdf import read_sdf
+from tests.model.test_sdf import position
+from tests.small_sdf import BODY, joint, link, sdf, write
+
+ARM = (link("a", "0 0 1 0 0 0"), joint("j", "world", "a"))
+
+
+def world(*parts: str, version: str = "1.6") -> str:
+    return f'<sdf version="{version}"><world name="w">{"".join(parts)}</world></sdf>'
+
+
+def model(name: str, *parts: str, attributes: str = "") -> str:
+    return f'<model name="{name}" {attributes}>{"".join(parts)}</model>'
+
+
+def test_a_world_with_one_model(tmp_path: Path) -> None:
+    parts = ("<gravity>0 0 -1.62</gravity>", "<light name='sun' type='directional'/>", model("arm", *ARM))
+    mechanism = read_sdf(write(tmp_path, world(*parts)))
+    assert (mechanism.name, mechanism.gravity) == ("arm", (0, 0, -1.62))
+
+
+def test_gravity_of_old_worlds_stands_in_their_physics(tmp_path: Path) -> None:
+    physics = '<physics type="ode"><gravity>0 0 -3.7</gravity></physics>'
+    assert read_sdf(write(tmp_path, world(physics, model("arm", *ARM), version="1.5"))).gravity == (
+        0,
+        0,
+        -3.7,
+    )
+    assert read_sdf(write(tmp_path, world(model("arm", *ARM)))).gravity is None
+    assert read_sdf(write(tmp_path, sdf(*ARM))).gravity is None
+
+
+def test_the_model_with_joints_is_the_robot(tmp_path: Path) -> None:
+    ground = model("ground", "<static>1</static>", link("plate"))
+    sun = "<include><uri>model://sun</uri></include>"
+    mechanism = read_sdf(write(tmp_path, world(sun, ground, model("arm", *ARM))))
+    assert mechanism.name == "arm"
+    assert {note.text for note in mechanism.notes} >= {
+        "<include> 'model://sun': another model",
+        "<model> 'ground': another model",
+    }
+
+
+def test_several_robots_are_listed(tmp_path: Path) -> None:
+    with pytest.raises(
+        FileFormatError, match=r"not one model.*'one', 'two'; load the file of the robot alone"
+    ):
+        read_sdf(write(tmp_path, world(model("one", *ARM), model("two", *ARM))))
+    with pytest.raises(FileFormatError, match=r"not one model.*: none"):
+        read_sdf(write(tmp_path, world()))
+
+
+def test_joints_between_models_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match=r"joins models by a <joint> \(line 1\).*nest the models"):
+        read_sdf(write(tmp_path, world(model("one", *ARM), joint("k", "world", "one::a"))))
+
+
+def test_frames_of_a_world_place_models(tmp_path: Path) -> None:
+    parts = (
+        '<frame name="table"><pose>1 2 0 0 0 0</pose></frame>',
+        model("arm", '<pose relative_to="table">0 0 0.5 0 0 0</pose>', link("a", "0 0 1 0 0 0")),
+    )
+    mechanism = read_sdf(write(tmp_path, world(*parts, version="1.9")))
+    np.testing.assert_array_equal(position(mechanism, "a"), [1, 2, 1.5])
+
+
+def test_a_static_model_inside_is_the_ground(tmp_path: Path) -> None:
+    stand = model("stand", "<pose>5 0 0 0 0 0</pose><static>true</static>", link("plate", "0 0 1 0 0 0"))
+    mechanism = read_sdf(
+        write(tmp_path, sdf(stand, link("a", "5 0 2 0 0 0"), joint("j", "stand::plate", "a")))
+    )
+    assert [(x.name, x.kind, x.parent) for x in mechanism.joints] == [
+        ("stand::plate_static", JointKind.FIXED, "world"),
+        ("j", JointKind.REVOLUTE, "stand::plate"),
+    ]
+    np.testing.assert_array_equal(position(mechanism, "a"), [5, 0, 2])
+
+
+def included(folder: Path) -> str:
+    (folder / "hand").mkdir()
+    write(
+        folder / "hand",
+        sdf(link("palm"), link("finger", "0 0 1 0 0 0"), joint("f", "palm", "finger")),
+        "new.sdf",
+    )
+    write(
+        folder / "hand",
+        '<model><name>hand</name><sdf version="1.4">old.sdf</sdf><sdf version="1.9">new.sdf</sdf></model>',
+        "model.config",
+    )
+    return "<include><uri>{}</uri><name>{}</name><pose relative_to='a'>0 0 0.5 0 0 0</pose></include>"
+
+
+@pytest.mark.parametrize("uri", ["hand", "hand/new.sdf", "file://hand/new.sdf"])
+def test_files_beside_are_included(tmp_path: Path, uri: str) -> None:
+    text = included(tmp_path)
+    twice = text.format(uri, "left") + text.format(uri, "right")
+    mechanism = read_sdf(
+        write(tmp_path, sdf(*ARM, twice, joint("m", "a", "left::palm", "fixed", xyz=""), version="1.8"))
+    )
+    assert [x.name for x in mechanism.links][:6] == [
+        "world", "a", "left::palm", "left::finger", "right::palm", "right::finger",
+    ]  # fmt: skip
+    assert {x.name for x in mechanism.joints} == {"j", "m", "left::f", "right::f", "right::palm_floating"}
+    np.testing.assert_array_equal(position(mechanism, "left::finger"), [0, 0, 2.5])
+
+
+def test_an_include_may_be_the_robot_of_a_world(tmp_path: Path) -> None:
+    write(tmp_path, sdf(*ARM), "arm.sdf")
+    include = "<include><uri>arm.sdf</uri><pose>7 0 0 0 0 0</pose></include>"
+    mechanism = read_sdf(write(tmp_path, world(include)))
+    np.testing.assert_array_equal(position(mechanism, "a"), [7, 0, 1])
+
+
+def test_files_that_include_each_other_end(tmp_path: Path) -> None:
+    again = "<include><uri>small.sdf</uri><name>{}</name></include>"
+    with pytest.raises(FileFormatError, match="do files include each other"):
+        read_sdf(write(tmp_path, sdf(*ARM, again.format("x"), again.format("y"))))
+
+
+@pytest.mark.parametrize("uri", ["model://hand", "https://fuel.example.org/hand", "/etc/hand.sdf"])
+def test_other_includes_are_refused(tmp_path: Path, uri: str) -> None:
+    with pytest.raises(UnsupportedError, match="relative to this one, or put its <model> here"):
+        read_sdf(write(tmp_path, sdf(*ARM, f"<include><uri>{uri}</uri></include>")))
+
+
+def test_a_folder_needs_a_config(tmp_path: Path) -> None:
+    (tmp_path / "hand").mkdir()
+    with pytest.raises(FileMissingError, match=r"model\.config"):
+        read_sdf(write(tmp_path, sdf(*ARM, "<include><uri>hand</uri></include>")))
+    write(tmp_path / "hand", "<model/>", "model.config")
+    with pytest.raises(FileFormatError, match="names no <sdf> file"):
+        read_sdf(write(tmp_path, sdf(*ARM, "<include><uri>hand</uri></include>")))
+
+
+def test_names_inside_are_told_apart(tmp_path: Path) -> None:
+    twin = model("twin", link("a", content=BODY))
+    with pytest.raises(FileFormatError, match="'twin'; rename one"):
+        read_sdf(write(tmp_path, sdf(*ARM, twin, twin, version="1.6")))
+    mechanism = read_sdf(write(tmp_path, sdf(*ARM, twin)))
+    assert [x.name for x in mechanism.links] == ["world", "a", "twin::a"]
