@@ -57,7 +57,8 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> No
     writers = {"urdf+": write_urdf, "mjcf": _write_mjcf}
     if format not in writers:
         raise InputError(f"format must be one of {', '.join(writers)}, got {format!r}")
-    _refuse_couplings(chain, format)
+    if format != "mjcf":
+        _refuse_couplings(chain, format)
     writers[format](chain, path)
 
 

@@ -14,7 +14,7 @@ from lxml import etree
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
+from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism
 
 J = JointKind
 HERE = pin.SE3.Identity()
@@ -73,6 +73,26 @@ def test_one_limit_leaves_the_other_side_free(tmp_path: Path) -> None:
     assert second.get("range") is None
 
 
+def test_couplings_are_joint_constraints(tmp_path: Path) -> None:
+    gear = Coupling("gear", "wrist", "motor", (0.5, -2.0))
+    (element,) = exported(two_links(couplings=(gear,)), tmp_path).find("equality")
+    assert dict(element.attrib) == {
+        "name": "gear", "joint1": "wrist", "joint2": "motor", "polycoef": "0.5 -2 0 0 0",
+    }  # fmt: skip
+    (element,) = exported(two_links(couplings=(Coupling("held", "wrist", None, (0.5,)),)), tmp_path).find(
+        "equality"
+    )
+    assert element.get("joint2") is None and element.get("polycoef") == "0.5 0 0 0 0"
+
+
+def test_efforts_of_passive_joints_are_kept(tmp_path: Path) -> None:
+    chain = two_links()
+    motor, wrist = chain.mechanism.joints
+    joints = (replace(motor, effort=3.0), replace(wrist, effort=2.0))
+    first, second = exported(two_links(joints=joints), tmp_path).iter("joint")
+    assert (first.get("actuatorfrcrange"), second.get("actuatorfrcrange")) == (None, "-2 2")
+
+
 def test_massless_legs_are_refused(tmp_path: Path) -> None:
     chain = stp.massless_legs(stp.load("stewart"))
     with pytest.raises(
@@ -109,6 +129,9 @@ def _refusals() -> dict[str, tuple[stp.ClosedChain, str]]:
     motor, wrist = plain.mechanism.joints
     worldly = (Link("base"), Link("arm", BALL), Link("world", BALL))
     pinned = Loop("platform", J.SPHERICAL, "base", "arm", HERE, HERE)
+    quintic = Coupling("cam", "wrist", "motor", (0.0, 1.0, 0.0, 0.0, 0.0, 0.1))
+    hinge = Loop("hinge", J.REVOLUTE, "arm", "hand", ABOVE, HERE)
+    twin = Loop("hinge_axis", J.SPHERICAL, "arm", "hand", ABOVE, HERE)
     return {
         "leaf": (_cross(replace(on, parent="arm"), turn), "'cross' has no mass.*because no joint leaves it"),
         "branch": (
@@ -119,6 +142,8 @@ def _refusals() -> dict[str, tuple[stp.ClosedChain, str]]:
         "platform": (_cross(turn, on, platform="cross"), "'cross' has no mass.*it is the platform"),
         "ball": (_cross(replace(turn, kind=J.SPHERICAL), on), "'cross' has no mass.*no rotation after the ball 'w1'"),
         "seven": (_cross(*many), "six freedoms"),
+        "cam": (two_links(couplings=(quintic,)), "coupling 'cam' is of degree 5.*degree 4 at most"),
+        "constraints": (two_links(loops=(hinge, twin)), "would be called 'hinge_axis"),
         "rail": (two_links(loops=(rail,)), "loop 'rail' is prismatic.*cut the loop at another joint"),
         "held": (
             two_links(joints=(replace(motor, lower=0.5, upper=0.5), wrist)),
@@ -146,7 +171,7 @@ def _refusals() -> dict[str, tuple[stp.ClosedChain, str]]:
 
 
 @pytest.mark.parametrize("case", ["leaf", "branch", "loop", "platform", "ball", "seven", "rail", "held", "weak",
-                                  "float", "world", "sites"])  # fmt: skip
+                                  "float", "world", "sites", "cam", "constraints"])  # fmt: skip
 def test_what_mujoco_cannot_express_is_named(case: str, tmp_path: Path) -> None:
     chain, message = _refusals()[case]
     with pytest.raises(UnsupportedError, match=message):

@@ -12,6 +12,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
+from tests.mechanisms import gear_train
 
 mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'stewart_pin[oracles]'")
 
@@ -188,7 +189,13 @@ def test_motor_efforts(chain: stp.ClosedChain, closed_states, project, tmp_path:
         assert np.abs(theirs - ours.tau_motor).max() <= 1e-9 * np.abs(ours.tau_motor).max()
 
 
-KINDS = (JointKind.SPHERICAL, JointKind.FIXED, JointKind.REVOLUTE, JointKind.DISTANCE)
+KINDS = (
+    JointKind.SPHERICAL,
+    JointKind.FIXED,
+    JointKind.REVOLUTE,
+    JointKind.UNIVERSAL,
+    JointKind.DISTANCE,
+)
 
 
 def workshop(kind: JointKind | None, rng: np.random.Generator) -> stp.ClosedChain:
@@ -243,7 +250,11 @@ def workshop(kind: JointKind | None, rng: np.random.Generator) -> stp.ClosedChai
     if kind is J.DISTANCE:
         length = 0.7
         end2 = end2 * pin.SE3(np.eye(3), length * skew())
-    loop = Loop("closure", kind, "floater", "tool", end1, end2, skew(), length=length)
+    axis, across = skew(), skew()
+    # Both frames coincide at home, where the axes of a universal joint are perpendicular.
+    across -= axis * (axis @ across)
+    across /= np.linalg.norm(across)
+    loop = Loop("closure", kind, "floater", "tool", end1, end2, axis, across, length)
     home = {
         name: q[joint.idx_q : joint.idx_q + joint.nq]
         for name, joint in zip(chain.model.names[1:], chain.model.joints[1:], strict=True)
@@ -273,6 +284,27 @@ def test_every_kind_of_loop(kind: JointKind, rng: np.random.Generator, closed_st
         residual, jacobian = engine.loops()
         assert np.abs(residual).max() < 1e-12
         assert same_row_space(jacobian @ turn, stp.loop_jacobian(chain, state.q)) < 1e-10
+
+
+def test_gears(rng: np.random.Generator, closed_states, project, tmp_path: Path) -> None:
+    """A cam, a belt and a thread: the same tree, the same rows, and the same motor efforts past them."""
+    chain = gear_train(rng)
+    engine = compiled(chain, tmp_path)
+    require_same_tree(engine, rng)
+    require_home(engine)
+    motors = engine.model.jnt_dofadr[engine.model.actuator_trnid[:, 0]]
+    assert [engine.model.joint(int(j)).name for j in engine.model.actuator_trnid[:, 0]] == list(chain.motors)
+    for state in closed_states(chain, 5):
+        ours = stp.inverse_dynamics(chain, state.q, state.v, state.a)
+        turn = engine.set(state.q, state.v, ours.a)
+        needed = engine.tree_efforts()
+        residual, jacobian = engine.loops()
+        # Degree three: round-off of the polynomials.
+        assert np.abs(residual).max() < 1e-12
+        assert same_row_space(jacobian @ turn, stp.loop_jacobian(chain, state.q)) < 1e-10
+        theirs = project(needed, jacobian, motors)
+        # Law 9.
+        assert np.abs(theirs - ours.tau_motor).max() <= 1e-9 * np.abs(ours.tau_motor).max()
 
 
 def test_laminae_keep_their_inertia(rng: np.random.Generator, tmp_path: Path) -> None:

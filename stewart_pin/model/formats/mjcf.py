@@ -8,7 +8,8 @@ of the rigid mechanism. ``mj_inverse`` answers with one effort per coordinate of
 switch constraints off (``mjDSBL_CONSTRAINT``) and project its answer on the motions that keep the loops closed
 (the null space of ``efc_J``); that is exact.
 
-What has no counterpart is left out: limits of joint speed. What MuJoCo cannot express is an `UnsupportedError`.
+What has no counterpart is left out: limits of joint speed, and effort limits of zero. What MuJoCo cannot express is an
+`UnsupportedError`.
 
 References
 ----------
@@ -25,15 +26,15 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import Joint, JointKind, Loop, Mechanism
+from stewart_pin.model.description import Joint, JointKind, Mechanism
 from stewart_pin.model.formats.mjcf_bodies import Body, plan_bodies
+from stewart_pin.model.formats.mjcf_equalities import write_equalities
+from stewart_pin.model.formats.mjcf_tree import MUJOCO_FAR
 from stewart_pin.model.formats.xml import number_text
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _WORLD = "world"
 """Name that MuJoCo reserves for the body that does not move."""
-_FAR = 1e10
-"""MuJoCo's mjMAXVAL: no coordinate gets there, so a limit at this value [m or rad] is none."""
 _TYPES = {JointKind.REVOLUTE: "hinge", JointKind.PRISMATIC: "slide", JointKind.SPHERICAL: "ball"}
 _STIFFEST = "0.9999 0.9999 0.001 0.5 2"
 """``solimp`` at MuJoCo's mjMAXIMP, whatever the gap."""
@@ -48,7 +49,8 @@ def write_mjcf_file(mechanism: Mechanism, path: Path, *, motors: Sequence[str], 
     Links become nested bodies of the same name, in the order of the Pinocchio model; links without mass vanish where
     they only join two joints. The ground is a body at rest (or the world, when it is called so); floating links are
     free bodies of the world, whose coordinates are their pose in it. Spherical, fixed, revolute and distance loops
-    become a ``connect``, a ``weld``, two ``connect`` on the axis, and a tendon of constant length. The home
+    become a ``connect``, a ``weld``, two ``connect`` on the axis, and a tendon of constant length; a universal loop
+    is a ``connect`` and a tendon that keeps its axes perpendicular. Couplings are ``joint`` constraints. The home
     configuration is the keyframe ``home``; the platform frame is a site.
 
     Parameters
@@ -65,7 +67,7 @@ def write_mjcf_file(mechanism: Mechanism, path: Path, *, motors: Sequence[str], 
     Raises
     ------
     UnsupportedError
-        If MuJoCo cannot express a link, joint, loop or motor; names it and the remedy.
+        If MuJoCo cannot express a link, joint, loop, coupling or motor; names it and the remedy.
     """
     root = _MjcfWriter(mechanism, motors).write(np.asarray(gravity, dtype=float))
     path.write_bytes(etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="utf-8"))
@@ -85,7 +87,8 @@ class _MjcfWriter:
             root, "compiler", angle="radian", autolimits="true", balanceinertia="false", inertiafromgeom="false"
         )  # fmt: skip
         etree.SubElement(root, "option", gravity=number_text(gravity))
-        if self.mechanism.loops:
+        tied = bool(self.mechanism.loops or self.mechanism.couplings)
+        if tied:
             root.insert(0, etree.Comment(_ABOUT_LOOPS))
             etree.SubElement(etree.SubElement(root, "default"), "equality", solimp=_STIFFEST)
         world = etree.SubElement(root, "worldbody")
@@ -94,8 +97,8 @@ class _MjcfWriter:
             self._body(body)
         if self.mechanism.platform is not None:
             self._site(self.mechanism.platform, self.mechanism.platform, pin.SE3.Identity())
-        if self.mechanism.loops:
-            self._loops(root)
+        if tied:
+            write_equalities(root, self.mechanism, self._placements_at_zero(), self._site)
         if self.motors:
             actuators = etree.SubElement(root, "actuator")
             for name in self.motors:
@@ -114,6 +117,10 @@ class _MjcfWriter:
         _place(element, body.placement)
         for joint, placement in body.joints:
             _write_joint(element, joint, placement)
+            # A motor's own limit stands in its actuator.
+            if joint.has_axis and joint.name not in self.motors and 0 < joint.effort < np.inf:
+                effort = number_text([-joint.effort, joint.effort])
+                element[-1].set("actuatorfrcrange", effort)
         if body.link.inertia is not None and body.link.inertia.mass > 0:
             _write_inertial(element, body.link.inertia)
         self.elements[name] = element
@@ -125,64 +132,11 @@ class _MjcfWriter:
         _place(etree.SubElement(self.elements[link], "site", name=name), placement)
         return name
 
-    def _loops(self, root: etree._Element) -> None:
-        equality = etree.Element("equality")
-        tendons = etree.Element("tendon")
-        for loop in self.mechanism.loops:
-            match loop.kind:
-                case JointKind.SPHERICAL:
-                    self._tie(equality, "connect", loop, loop.name)
-                case JointKind.FIXED:
-                    self._tie(equality, "weld", loop, loop.name)
-                case JointKind.REVOLUTE:
-                    # Two points of the axis, as far apart as the links are large: the sixth row is redundant.
-                    reach = max(np.linalg.norm(end.translation) for end in (loop.placement1, loop.placement2))
-                    along = loop.axis * (reach if reach > 0 else 1.0)
-                    self._tie(equality, "connect", loop, loop.name)
-                    self._tie(equality, "connect", loop, f"{loop.name}_axis", along)
-                case JointKind.DISTANCE:
-                    self._rod(tendons, equality, loop)
-                case _:
-                    raise UnsupportedError(
-                        f"loop '{loop.name}' is {loop.kind}; MuJoCo closes spherical, fixed, revolute and distance "
-                        "loops: cut the loop at another joint"
-                    )
-        if len(tendons):
-            root.append(tendons)
-        root.append(equality)
-
-    def _ends(self, loop: Loop, name: str, shift: FloatArray) -> tuple[str, str]:
-        move = pin.SE3(np.eye(3), shift)
-        return (
-            self._site(loop.link1, f"{name}_1", loop.placement1 * move),
-            self._site(loop.link2, f"{name}_2", loop.placement2 * move),
-        )
-
-    def _tie(
-        self, equality: etree._Element, tag: str, loop: Loop, name: str, shift: FloatArray | None = None
-    ) -> None:
-        site1, site2 = self._ends(loop, name, np.zeros(3) if shift is None else shift)
-        etree.SubElement(equality, tag, name=name, site1=site1, site2=site2)
-
-    def _rod(self, tendons: etree._Element, equality: etree._Element, loop: Loop) -> None:
-        spatial = etree.SubElement(tendons, "spatial", name=loop.name)
-        for site in self._ends(loop, loop.name, np.zeros(3)):
-            etree.SubElement(spatial, "site", site=site)
-        # The constraint is length - (length at zero joint values) = first coefficient.
-        at_zero = self._placements_at_zero()
-        origins = [
-            at_zero[link].act(end.translation)
-            for link, end in ((loop.link1, loop.placement1), (loop.link2, loop.placement2))
-        ]
-        excess = loop.length - float(np.linalg.norm(origins[1] - origins[0]))
-        coefficients = number_text([excess, 0, 0, 0, 0])
-        etree.SubElement(equality, "tendon", name=loop.name, tendon1=loop.name, polycoef=coefficients)
-
-    def _placements_at_zero(self) -> dict[str | None, pin.SE3]:
+    def _placements_at_zero(self) -> dict[str, pin.SE3]:
         placements: dict[str | None, pin.SE3] = {None: pin.SE3.Identity()}
         for body in self.bodies:
             placements[body.link.name] = placements[body.parent] * body.placement
-        return placements
+        return {name: placement for name, placement in placements.items() if name is not None}
 
     def _motor(self, actuators: etree._Element, joint: Joint) -> None:
         if joint.effort == 0:
@@ -219,7 +173,7 @@ def _write_joint(body: etree._Element, joint: Joint, placement: pin.SE3) -> None
             f"joint '{joint.name}' has equal limits, which MuJoCo takes for none; make it fixed, or widen them"
         )
     if np.isfinite([joint.lower, joint.upper]).any():
-        element.set("range", number_text(np.clip([joint.lower, joint.upper], -_FAR, _FAR)))
+        element.set("range", number_text(np.clip([joint.lower, joint.upper], -MUJOCO_FAR, MUJOCO_FAR)))
 
 
 def _write_inertial(body: etree._Element, inertia: pin.Inertia) -> None:
