@@ -15,7 +15,11 @@ import pinocchio as pin
 import stewart_pin as stp
 from stewart_pin.closure.equations import row_sizes
 from stewart_pin.mechanics.freedom import analyse_freedom
+from stewart_pin.model.description import LOOP_KINDS, JointKind
+from tests.mechanisms import gear_train, two_bodies
 
+KINDS = (*(str(kind) for kind in LOOP_KINDS), "gear_train")
+"""A mechanism per kind of closure, its frames and axes in general position; named after the kind."""
 POSES = ("home", "generic", "symmetric", "near_singular")
 _NEAR = 2e-3
 """Smallest singular value, in robot sizes, at which the walk towards a singularity stops."""
@@ -23,7 +27,10 @@ _NEAR = 2e-3
 
 @cache
 def robot(name: str) -> stp.ClosedChain:
-    """Load a bundled robot once: chains are immutable."""
+    """Load a bundled robot, or build one of the `KINDS` of closures, once: chains are immutable."""
+    if name in KINDS:
+        rng = np.random.default_rng(11)
+        return gear_train(rng) if name == "gear_train" else two_bodies(JointKind(name), rng)
     return stp.load(name)
 
 

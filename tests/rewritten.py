@@ -9,7 +9,7 @@ import pinocchio as pin
 
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
-from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
+from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism
 
 _TREE_ABLE = (JointKind.SPHERICAL, JointKind.REVOLUTE, JointKind.PRISMATIC, JointKind.FIXED)
 
@@ -50,10 +50,18 @@ def in_other_unit(chain: stp.ClosedChain, k: float) -> stp.ClosedChain:
             effort=j.effort * (k if j.kind is JointKind.PRISMATIC else k**2),
         )
 
+    def unit(name: str | None) -> float:
+        return k if name is not None and old.joint(name).kind is JointKind.PRISMATIC else 1.0
+
+    def coupling(c: Coupling) -> Coupling:
+        numbers = tuple(x * unit(c.joint1) / unit(c.joint2) ** n for n, x in enumerate(c.polynomial))
+        return replace(c, polynomial=numbers)
+
     mechanism = replace(
         old,
         links=tuple(replace(link, inertia=heavy(link.inertia)) for link in old.links),
         joints=tuple(joint(j) for j in old.joints),
+        couplings=tuple(coupling(c) for c in old.couplings),
         loops=tuple(
             replace(p, placement1=place(p.placement1), placement2=place(p.placement2), length=k * p.length)
             for p in old.loops

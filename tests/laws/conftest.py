@@ -1,4 +1,4 @@
-"""Every bundled robot in every kind of pose: a new folder of ``urdf/`` comes under the laws by being there."""
+"""Bundled robots and kinds of closures in every kind of pose: a folder of ``urdf/`` comes under the laws by itself."""
 
 from __future__ import annotations
 
@@ -9,7 +9,15 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from tests.closed_states import POSES, conditioning, configuration, random_motion, robot, smallest_inertia
+from tests.closed_states import (
+    KINDS,
+    POSES,
+    conditioning,
+    configuration,
+    random_motion,
+    robot,
+    smallest_inertia,
+)
 
 
 @dataclass(frozen=True)
@@ -23,9 +31,9 @@ class Case:
     pose: str
 
 
-@pytest.fixture(params=stp.robots())
+@pytest.fixture(params=[*stp.robots(), *KINDS])
 def chain(request: pytest.FixtureRequest) -> stp.ClosedChain:
-    """Return each bundled robot."""
+    """Return each bundled robot, and each kind of closure."""
     return robot(request.param)
 
 
