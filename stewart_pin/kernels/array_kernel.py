@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import itertools
+import struct
 import threading
 from collections.abc import Sequence
 from typing import Any, Literal
@@ -21,7 +22,7 @@ from stewart_pin.kernels.llvm_module import module_for_ranges
 from stewart_pin.kernels.machine_code import compile_for_ranges
 from stewart_pin.kernels.program import Program
 from stewart_pin.kernels.single_state import SingleState
-from stewart_pin.kernels.status import Bound, judge, require_bounds, written_outputs
+from stewart_pin.kernels.status import StateBound, judge, require_bounds, written_outputs
 from stewart_pin.kernels.target import Target, host_target
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -66,7 +67,7 @@ class ArrayKernel:
         self,
         program: Program,
         *,
-        bounds: Sequence[Bound] = (),
+        bounds: Sequence[StateBound] = (),
         dtype: DTypeLike = np.float64,
         engine: Engine | None = None,
         target: Target | None = None,
@@ -199,8 +200,7 @@ class ArrayKernel:
             for begin in range(0, n, _CHUNK):
                 self._interpret(inputs, results, status, slice(begin, min(n, begin + _CHUNK)))
             return
-        addresses = _table(inputs, results, status)
-        run, table = self._code, addresses.ctypes.data
+        run, table = self._code, _table(inputs, results, status)
         shares = min(threads, max(1, n // _LEAST_SHARE))
         if shares == 1:
             run(0, n, table)
@@ -233,16 +233,20 @@ class ArrayKernel:
             status[part] = codes
 
 
-def _table(inputs: list[FloatArray], results: list[FloatArray], status: np.ndarray | None) -> np.ndarray:
+def _table(inputs: list[FloatArray], results: list[FloatArray], status: np.ndarray | None) -> Any:
     """Addresses and distances between states, as the machine code wants them."""
     entries: list[int] = []
     for array in (*inputs, *results):
         entries += (array.ctypes.data, array.strides[0] if len(array) > 1 else 0)
     entries.append(0 if status is None else status.ctypes.data)
-    return np.array(entries, dtype=np.int64)
+    return struct.pack(f"{len(entries)}q", *entries)
 
 
 def _rebuilt(
-    program: Program, bounds: tuple[Bound, ...], dtype: np.dtype[Any], engine: Engine, target: Target | None
+    program: Program,
+    bounds: tuple[StateBound, ...],
+    dtype: np.dtype[Any],
+    engine: Engine,
+    target: Target | None,
 ) -> ArrayKernel:
     return ArrayKernel(program, bounds=bounds, dtype=dtype, engine=engine, target=target)

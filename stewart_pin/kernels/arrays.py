@@ -98,12 +98,15 @@ def n_states(ports: tuple[Port, ...], arrays: list[tuple[FloatArray, bool]]) -> 
     InputError
         If they do not agree.
     """
-    counts = {port.name: len(a) for port, (a, many) in zip(ports, arrays, strict=True) if many}
-    distinct = set(counts.values()) - {1}
+    distinct = {len(a) for a, many in arrays if many}
+    if not distinct:
+        return None
+    distinct.discard(1)
     if len(distinct) > 1:
+        counts = {port.name: len(a) for port, (a, many) in zip(ports, arrays, strict=True) if many}
         listed = ", ".join(f"{name} {count}" for name, count in counts.items())
         raise InputError(f"inputs differ in the number of states: {listed}")
-    return distinct.pop() if distinct else 1 if counts else None
+    return distinct.pop() if distinct else 1
 
 
 def require_out(name: str, array: Any, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:

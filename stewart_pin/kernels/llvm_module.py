@@ -17,11 +17,13 @@ import numpy as np
 from stewart_pin.kernels.llvm_layout import load_columns, store_columns
 from stewart_pin.kernels.llvm_operations import Writer, write_program
 from stewart_pin.kernels.program import Program, require_output
-from stewart_pin.kernels.status import Bound, Status, written_outputs
+from stewart_pin.kernels.status import StateBound, StateStatus, written_outputs
 from stewart_pin.kernels.target import Target
 
 
-def module_for_ranges(program: Program, bounds: Sequence[Bound], dtype: np.dtype[Any], target: Target) -> str:
+def module_for_ranges(
+    program: Program, bounds: Sequence[StateBound], dtype: np.dtype[Any], target: Target
+) -> str:
     """Write the LLVM module of a program for ranges of states.
 
     Parameters
@@ -47,7 +49,7 @@ def module_for_ranges(program: Program, bounds: Sequence[Bound], dtype: np.dtype
 
 def module_for_one(
     program: Program,
-    bounds: Sequence[Bound],
+    bounds: Sequence[StateBound],
     dtype: np.dtype[Any],
     target: Target,
     addresses: Sequence[int],
@@ -99,7 +101,7 @@ def _module(writer: Writer, target: Target, arguments: str) -> str:
     )
 
 
-def _write_loop(writer: Writer, program: Program, bounds: Sequence[Bound]) -> None:
+def _write_loop(writer: Writer, program: Program, bounds: Sequence[StateBound]) -> None:
     ports = [*program.inputs, *written_outputs(program, bounds)]
     writer.lines.append("entry:")
     bases = [_entry(writer, "ptr", 2 * p) for p in range(len(ports))]
@@ -160,7 +162,7 @@ def _bytes(writer: Writer) -> str:
 def _judged(
     writer: Writer,
     program: Program,
-    bounds: Sequence[Bound],
+    bounds: Sequence[StateBound],
     inputs: list[list[str]],
     results: list[list[str]],
 ) -> tuple[list[list[str]], str]:
@@ -183,18 +185,18 @@ def _judged(
         for port, entries in zip(program.outputs, results, strict=True)
         if port.name not in judging
     ]
-    code = _code(writer, Status.OK)
+    code = _code(writer, StateStatus.OK)
     for mask, status in (
-        (finite, Status.RESULT_NOT_FINITE),
-        (within, Status.OUT_OF_BOUNDS),
-        (inputs_finite, Status.INPUT_NOT_FINITE),
+        (finite, StateStatus.RESULT_NOT_FINITE),
+        (within, StateStatus.OUT_OF_BOUNDS),
+        (inputs_finite, StateStatus.INPUT_NOT_FINITE),
     ):
         kind = _bytes(writer)
         code = writer.put(f"select {writer.mask} {mask}, {kind} {code}, {kind} {_code(writer, status)}")
     return results, code
 
 
-def _code(writer: Writer, status: Status) -> str:
+def _code(writer: Writer, status: StateStatus) -> str:
     return str(int(status)) if writer.lanes == 1 else f"splat (i8 {int(status)})"
 
 

@@ -76,8 +76,6 @@ class _Rewriter:
     def _follows_from(self, kind: Kind, args: tuple[int, ...], y: int) -> bool:
         if kind is Kind.CONSTANT:
             return True
-        if kind is Kind.NEG:
-            return self._wanted(args[0])
         if kind is Kind.DIV:
             return self._is_one(args[0]) or self._wanted(args[0])
         if kind is Kind.MUL and args[0] != args[1]:
@@ -102,8 +100,6 @@ class _Rewriter:
             return builder.operation(Kind.DIV, builder.constant(1.0), self._value(y))
         if kind is Kind.CONSTANT:
             return builder.constant(1.0 / constant) if constant else builder.constant(float("inf"))
-        if kind is Kind.NEG:
-            return builder.operation(Kind.NEG, self._inverse(args[0]))
         if kind is Kind.DIV:
             z = self._value(args[1])
             return z if self._is_one(args[0]) else builder.operation(Kind.MUL, z, self._inverse(args[0]))

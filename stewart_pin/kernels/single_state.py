@@ -13,7 +13,7 @@ from stewart_pin.kernels.interpreter import run_program
 from stewart_pin.kernels.llvm_module import module_for_one
 from stewart_pin.kernels.machine_code import compile_for_one
 from stewart_pin.kernels.program import Program
-from stewart_pin.kernels.status import Bound, Status, judge, written_outputs
+from stewart_pin.kernels.status import StateBound, StateStatus, judge, written_outputs
 from stewart_pin.kernels.target import Target, host_target
 from stewart_pin.typing import ArrayLike
 
@@ -41,7 +41,7 @@ class SingleState:
     def __init__(
         self,
         program: Program,
-        bounds: Sequence[Bound],
+        bounds: Sequence[StateBound],
         dtype: np.dtype[Any],
         engine: str,
         target: Target | None = None,
@@ -69,9 +69,9 @@ class SingleState:
         return SingleState, self._made_from
 
     @property
-    def status(self) -> Status:
+    def status(self) -> StateStatus:
         """What became of the last state."""
-        return Status(int(self._status[0]))
+        return StateStatus(int(self._status[0]))
 
     def __call__(self, *inputs: ArrayLike) -> Any:
         """Evaluate the program.

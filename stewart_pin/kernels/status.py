@@ -14,7 +14,7 @@ from stewart_pin.kernels.program import Port, Program, require_output
 from stewart_pin.typing import BoolArray, FloatArray
 
 
-class Status(enum.IntEnum):
+class StateStatus(enum.IntEnum):
     """Code of a state; the results of a state that is not OK are nan."""
 
     OK = 0
@@ -24,7 +24,7 @@ class Status(enum.IntEnum):
 
 
 @dataclass(frozen=True)
-class Bound:
+class StateBound:
     """Bounds of an output that judges a state, such as the smallest pivot of an elimination.
 
     Attributes
@@ -51,7 +51,7 @@ class Bound:
             raise InputError(f"bound of {self.output!r}: no value lies between {self.lower} and {self.upper}")
 
 
-def require_bounds(program: Program, bounds: Sequence[Bound]) -> None:
+def require_bounds(program: Program, bounds: Sequence[StateBound]) -> None:
     """Check that each bound names an output.
 
     Parameters
@@ -70,7 +70,7 @@ def require_bounds(program: Program, bounds: Sequence[Bound]) -> None:
         require_output(program, bound.output)
 
 
-def written_outputs(program: Program, bounds: Sequence[Bound]) -> list[Port]:
+def written_outputs(program: Program, bounds: Sequence[StateBound]) -> list[Port]:
     """List the outputs that a kernel gives: those that do not only judge a state.
 
     Parameters
@@ -90,7 +90,10 @@ def written_outputs(program: Program, bounds: Sequence[Bound]) -> list[Port]:
 
 
 def judge(
-    program: Program, bounds: Sequence[Bound], inputs: Sequence[FloatArray], outputs: Sequence[FloatArray]
+    program: Program,
+    bounds: Sequence[StateBound],
+    inputs: Sequence[FloatArray],
+    outputs: Sequence[FloatArray],
 ) -> np.ndarray:
     """Find the code of each state; the machine code does the same on its way.
 
@@ -112,11 +115,11 @@ def judge(
     """
     n = len(outputs[0])
     codes = np.zeros(n, dtype=np.int8)
-    codes[~_all_finite(outputs, n)] = Status.RESULT_NOT_FINITE
+    codes[~_all_finite(outputs, n)] = StateStatus.RESULT_NOT_FINITE
     for bound in bounds:
         x = outputs[require_output(program, bound.output)]
-        codes[~((x >= bound.lower) & (x <= bound.upper)).all(axis=1)] = Status.OUT_OF_BOUNDS
-    codes[~_all_finite(inputs, n)] = Status.INPUT_NOT_FINITE
+        codes[~((x >= bound.lower) & (x <= bound.upper)).all(axis=1)] = StateStatus.OUT_OF_BOUNDS
+    codes[~_all_finite(inputs, n)] = StateStatus.INPUT_NOT_FINITE
     return codes
 
 

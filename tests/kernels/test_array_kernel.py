@@ -19,7 +19,7 @@ from stewart_pin.kernels.array_kernel import ArrayKernel
 from stewart_pin.kernels.instructions import program_from_casadi
 from stewart_pin.kernels.preparing import prepare
 from stewart_pin.kernels.program import Program
-from stewart_pin.kernels.status import Bound, Status
+from stewart_pin.kernels.status import StateBound, StateStatus
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 
 pytest.importorskip("llvmlite")
@@ -142,7 +142,7 @@ def test_nothing_outside_is_written(rng: np.random.Generator) -> None:
         assert np.all(whole[20 + n :] == -7.0)
         assert np.all(codes[:20] == -7)
         assert np.all(codes[20 + n :] == -7)
-        assert np.all(codes[20 : 20 + n] == Status.OK)
+        assert np.all(codes[20 : 20 + n] == StateStatus.OK)
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
@@ -153,7 +153,7 @@ def test_result_depends_neither_on_place_nor_threads(dtype: Any, rng: np.random.
     for threads in (2, 3, 7):
         codes = np.full(5003, -1, dtype=np.int8)
         assert np.array_equal(kernel(*states, threads=threads, status=codes), whole)
-        assert np.all(codes == Status.OK)
+        assert np.all(codes == StateStatus.OK)
     for begin in (1, 5, 4990):
         assert np.array_equal(kernel(*(x[begin:] for x in states)), whole[begin:])
 
@@ -175,7 +175,7 @@ def test_other_types_are_converted(rng: np.random.Generator) -> None:
 def test_bad_states_do_not_spoil_their_neighbours(
     engine: array_kernel.Engine, rng: np.random.Generator
 ) -> None:
-    kernel = ArrayKernel(judged(), bounds=[Bound("c", -0.5, 2.0)], engine=engine)
+    kernel = ArrayKernel(judged(), bounds=[StateBound("c", -0.5, 2.0)], engine=engine)
     x = rng.uniform(0.1, 1.0, size=(21, 2))
     clean = kernel(x)
     x[3, 0], x[5, 1], x[6, 0], x[7, 1] = np.nan, np.inf, -1.0, 2.5
@@ -183,9 +183,9 @@ def test_bad_states_do_not_spoil_their_neighbours(
     codes = np.full(21, -1, dtype=np.int8)
     y = kernel(x, status=codes)
     expected = np.zeros(21, dtype=int)
-    expected[[3, 5, 8]] = Status.INPUT_NOT_FINITE
-    expected[6] = Status.RESULT_NOT_FINITE
-    expected[[7, 9]] = Status.OUT_OF_BOUNDS
+    expected[[3, 5, 8]] = StateStatus.INPUT_NOT_FINITE
+    expected[6] = StateStatus.RESULT_NOT_FINITE
+    expected[[7, 9]] = StateStatus.OUT_OF_BOUNDS
     assert np.array_equal(codes, expected)
     assert np.array_equal(np.isnan(y[:, 0]), expected != 0)
     good = (expected == 0) & (np.arange(21) != 10)
@@ -196,7 +196,7 @@ def test_result_that_overflows_is_told_from_a_bad_input() -> None:
     kernel = ArrayKernel(polynomial())
     codes = np.zeros(2, dtype=np.int8)
     y, z = kernel(np.array([[1e200, 0.0], [1.0, 1.0]]), np.eye(2), status=codes)
-    assert codes.tolist() == [Status.RESULT_NOT_FINITE, Status.OK]
+    assert codes.tolist() == [StateStatus.RESULT_NOT_FINITE, StateStatus.OK]
     assert np.isnan(y[0]).all()
     assert np.isnan(z[0]).all()  # all outputs of a bad state
     assert y[1, 0] == 2.0
@@ -204,13 +204,13 @@ def test_result_that_overflows_is_told_from_a_bad_input() -> None:
 
 def test_locked_hexapod_is_out_of_bounds(rng: np.random.Generator) -> None:
     program = prepare(program_from_casadi(sample_inverse_dynamics(conditioning=True)))
-    kernel = ArrayKernel(program, bounds=[Bound("smallest_pivot", 1e-3)])
+    kernel = ArrayKernel(program, bounds=[StateBound("smallest_pivot", 1e-3)])
     assert [p.name for p in kernel.outputs] == ["tau_motor"]
     pose, twist, acceleration = sample_states(rng, 9)
     pose[4] = [0, 0, 0, 0, 0, 0, 1]  # base and platform in one plane
     codes = np.zeros(9, dtype=np.int8)
     tau = kernel(pose, twist, acceleration, status=codes)
-    assert codes.tolist() == [0, 0, 0, 0, Status.OUT_OF_BOUNDS, 0, 0, 0, 0]
+    assert codes.tolist() == [0, 0, 0, 0, StateStatus.OUT_OF_BOUNDS, 0, 0, 0, 0]
     assert np.array_equal(np.isnan(tau).all(axis=1), codes != 0)
 
 
@@ -273,14 +273,14 @@ def test_options_that_do_not_fit_are_refused() -> None:
     for options, message in [
         ({"dtype": np.float16}, "dtype must be float64 or float32, got float16"),
         ({"engine": "numba"}, "engine must be 'llvm', 'numpy' or None, got 'numba'"),
-        ({"bounds": [Bound("c", 0.0)]}, "f has no output 'c', only y, z"),
+        ({"bounds": [StateBound("c", 0.0)]}, "f has no output 'c', only y, z"),
     ]:
         with pytest.raises(InputError, match=message):
             ArrayKernel(polynomial(), **options)
     with pytest.raises(InputError, match="no value lies between"):
-        Bound("c", 1.0, 0.0)
+        StateBound("c", 1.0, 0.0)
     with pytest.raises(InputError, match="no value lies between"):
-        Bound("c", np.nan)
+        StateBound("c", np.nan)
 
 
 def test_without_the_compiler_numpy_takes_over(monkeypatch: pytest.MonkeyPatch) -> None:

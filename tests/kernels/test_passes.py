@@ -137,3 +137,31 @@ def test_division_by_a_constant_is_a_product() -> None:
     got = run_program(program, [np.array([[3.0, 5.0]])])[0]
     assert got[0, 0] == 0.75
     assert abs(got[0, 1] - 5.0 / 6.0) < 2e-16
+
+
+@pytest.mark.parametrize(
+    "denominator",
+    [
+        lambda x, y: x * y,
+        lambda x, y: -x,
+        lambda x, y: x / y,
+        lambda x, y: 1 / x,
+        lambda x, y: ca.sqrt(x),
+        lambda x, y: x * x,
+        lambda x, y: 3 * x,
+        lambda x, y: -(x * y) / (x * x),
+    ],
+)
+def test_derived_inverses_are_right(denominator: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
+    x = ca.SX.sym("x", 2)
+    d = denominator(x[0], x[1])
+    program = read(1 / x[0], 2 / x[0], 5 / x[1], 7 / x[1], 3 / d, x[1] / d, x[0] / ca.sqrt(x[0]), inputs=x)
+    states = np.array([[0.3, 7.0], [4.0, 0.7]])
+    for change in (share_reciprocals, prepare):
+        changed = change(program)
+        # A few roundings each, in long double; the inverse of 3 is rounded to a double.
+        error = (
+            run_program(changed, [states], dtype=LONG)[0] / run_program(program, [states], dtype=LONG)[0] - 1
+        )
+        assert np.abs(error).max() < 2e-16
+        assert counts(changed)[Kind.DIV] <= 3

@@ -9,7 +9,7 @@ import pytest
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.array_kernel import ArrayKernel, Engine
 from stewart_pin.kernels.instructions import program_from_casadi
-from stewart_pin.kernels.status import Bound, Status
+from stewart_pin.kernels.status import StateBound, StateStatus
 
 pytest.importorskip("llvmlite")
 each_engine = pytest.mark.parametrize("engine", ["llvm", "numpy"])
@@ -19,14 +19,14 @@ def kernel(engine: Engine) -> ArrayKernel:
     """Compile y = √x₀ + x₁, z = A x, judged by x₁."""
     x, a = ca.SX.sym("x", 2), ca.SX.sym("A", 2, 2)
     function = ca.Function("f", [x, a], [ca.sqrt(x[0]) + x[1], a @ x, x[1]], ["x", "A"], ["y", "z", "c"])
-    return ArrayKernel(program_from_casadi(function), bounds=[Bound("c", upper=10.0)], engine=engine)
+    return ArrayKernel(program_from_casadi(function), bounds=[StateBound("c", upper=10.0)], engine=engine)
 
 
 @each_engine
 def test_results_stay_in_place_until_the_next_call(engine: Engine) -> None:
     single = kernel(engine).single_state()
     y, z = single(np.array([4.0, 1.0]), np.array([[1.0, 2.0], [3.0, 4.0]]))
-    assert (y[0], *z, single.status) == (3.0, 6.0, 16.0, Status.OK)
+    assert (y[0], *z, single.status) == (3.0, 6.0, 16.0, StateStatus.OK)
     single(np.array([9.0, 1.0]), np.eye(2))
     assert (y[0], *z) == (4.0, 9.0, 1.0)
     single.inputs[0][:] = 16.0, 2.0
@@ -45,15 +45,15 @@ def test_one_output_comes_alone(engine: Engine) -> None:
 def test_bad_state_gives_nan_and_a_code(engine: Engine) -> None:
     single = kernel(engine).single_state()
     for x, code in [
-        ([np.nan, 1.0], Status.INPUT_NOT_FINITE),
-        ([-1.0, 1.0], Status.RESULT_NOT_FINITE),
-        ([1.0, 11.0], Status.OUT_OF_BOUNDS),
+        ([np.nan, 1.0], StateStatus.INPUT_NOT_FINITE),
+        ([-1.0, 1.0], StateStatus.RESULT_NOT_FINITE),
+        ([1.0, 11.0], StateStatus.OUT_OF_BOUNDS),
     ]:
         y, z = single(np.array(x), np.eye(2))
         assert single.status is code
         assert np.isnan([*y, *z]).all()
     y, _ = single(np.array([1.0, 1.0]), np.eye(2))
-    assert (y[0], single.status) == (2.0, Status.OK)
+    assert (y[0], single.status) == (2.0, StateStatus.OK)
 
 
 @each_engine

@@ -1,0 +1,60 @@
+"""From a CasADi function to a fast function on arrays, in one step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+from stewart_pin.kernels.array_kernel import ArrayKernel, Engine
+from stewart_pin.kernels.instructions import program_from_casadi
+from stewart_pin.kernels.preparing import prepare
+from stewart_pin.kernels.status import StateBound
+
+
+def compile_function(
+    function: Any,
+    *,
+    bounds: Sequence[StateBound] = (),
+    dtype: DTypeLike = np.float64,
+    engine: Engine | None = None,
+) -> ArrayKernel:
+    """Compile a CasADi function to a function on arrays of states.
+
+    Parameters
+    ----------
+    function
+        `casadi.Function` that can be written as scalar operations without branches.
+    bounds
+        Bounds of outputs that judge a state; these outputs are not given back.
+    dtype
+        numpy.float64 or numpy.float32.
+    engine
+        ``"llvm"`` (extra ``kernels``) or ``"numpy"``; None takes llvm when it is installed.
+
+    Returns
+    -------
+    ArrayKernel
+        Function of arrays (N, size) or (N, rows, columns), one for each input, in C order.
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit.
+    MissingExtraError
+        If CasADi, or llvm when asked for, is not installed.
+    UnsupportedError
+        If the function cannot be written as scalar operations.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> x = ca.SX.sym("x", 2)
+    >>> norm = compile_function(ca.Function("norm", [x], [ca.norm_2(x)]))
+    >>> norm(np.array([[3.0, 4.0], [5.0, 12.0]]))
+    array([[ 5.],
+           [13.]])
+    """
+    return ArrayKernel(prepare(program_from_casadi(function)), bounds=bounds, dtype=dtype, engine=engine)
