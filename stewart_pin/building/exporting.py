@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
-from stewart_pin.errors import InputError, UnsupportedError
+from stewart_pin.errors import InputError
 from stewart_pin.model.chain import ClosedChain
-from stewart_pin.model.formats.dialects.urdf_plus import write_urdf_plus
+from stewart_pin.model.description import Mechanism
+from stewart_pin.model.formats.dialect import dialects
 from stewart_pin.model.formats.mjcf import write_mjcf_file
 
 
@@ -27,11 +29,7 @@ def write_urdf(chain: ClosedChain, path: str | Path) -> None:
     InputError
         If the file cannot be written.
     """
-    _refuse_couplings(chain, "urdf+")
-    try:
-        write_urdf_plus(chain.described(), Path(path))
-    except OSError as error:
-        raise InputError(f"path: cannot write {str(path)!r}: {error.strerror}") from None
+    export(chain, path, format="urdf+")
 
 
 def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> None:
@@ -44,28 +42,37 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> No
     path
         File to create or overwrite.
     format
-        ``"urdf+"``, or ``"mjcf"`` for MuJoCo, whose loops are soft constraints: mass matrix and bias of its tree are
-        exact, its accelerations are not.
+        - ``"urdf+"``: all that a chain can hold, read back the same. Other readers of URDF see the spanning tree.
+        - ``"drake"``: URDF with Drake's ball constraints and joints, which Drake opens with its loops. Spherical loops.
+        - ``"isaac"``: URDF with Isaac Sim's loop joints. Spherical loops.
+        - ``"gepetto"``: URDF, and beside it a YAML of the same name. Spherical and fixed loops.
+        - ``"mjcf"``: for MuJoCo, whose loops are soft constraints: mass matrix and bias of its tree are exact, its
+          accelerations are not.
+
+        All but the first and the last write couplings as ``<mimic>``, which has to be linear.
 
     Raises
     ------
     InputError
-        If the format is unknown.
+        If the format is unknown, or the file cannot be written.
     UnsupportedError
         If the format cannot express the chain; names the link, joint, loop or motor at fault.
     """
-    writers = {"urdf+": write_urdf, "mjcf": _write_mjcf}
+    writers = {"mjcf": _write_mjcf}
+    writers |= {
+        dialect.name: _describing(dialect.write) for dialect in dialects() if dialect.write is not None
+    }
     if format not in writers:
-        raise InputError(f"format must be one of {', '.join(writers)}, got {format!r}")
-    if format != "mjcf":
-        _refuse_couplings(chain, format)
-    writers[format](chain, path)
+        raise InputError(f"format must be one of {', '.join(sorted(writers))}, got {format!r}")
+    try:
+        writers[format](chain, Path(path))
+    except OSError as error:
+        raise InputError(f"path: cannot write {str(path)!r}: {error.strerror}") from None
 
 
-def _refuse_couplings(chain: ClosedChain, format: str) -> None:
-    for coupling in chain.couplings:
-        raise UnsupportedError(f"coupling '{coupling.name}' cannot be written as {format}")
+def _describing(write: Callable[[Mechanism, Path], None]) -> Callable[[ClosedChain, Path], None]:
+    return lambda chain, path: write(chain.described(), path)
 
 
-def _write_mjcf(chain: ClosedChain, path: str | Path) -> None:
-    write_mjcf_file(chain.described(), Path(path), motors=chain.motors, gravity=chain.gravity)
+def _write_mjcf(chain: ClosedChain, path: Path) -> None:
+    write_mjcf_file(chain.described(), path, motors=chain.motors, gravity=chain.gravity)

@@ -1,4 +1,4 @@
-"""``inspect``: what a file holds, what was ignored, and how the mechanism can move."""
+"""``inspect``: what a file holds, what was kept, changed and ignored, and how the mechanism can move."""
 
 from __future__ import annotations
 
@@ -16,10 +16,16 @@ from stewart_pin.mechanics.mobility import mobility
 
 def inspect(
     file: Annotated[str, typer.Argument(help="Bundled robot or file.")],
+    loops: Annotated[Path | None, typer.Option(help="File beside a URDF that declares its loops.")] = None,
+    motors: Annotated[
+        str | None, typer.Option(help="Names of the motor joints, separated by commas.")
+    ] = None,
+    platform: Annotated[str | None, typer.Option(help="Name of the platform link.")] = None,
     json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
 ) -> None:
-    """Show sizes, loops, motors and mobility of a robot, and what its file says in vain."""
-    chain = load(file)
+    """Show sizes, loops, motors and mobility of a robot, and what was made of its file."""
+    named = None if motors is None else [name.strip() for name in motors.split(",")]
+    chain = load(file, loops=loops, motors=named, platform=platform)
     report = mobility(chain)
     sizes = {"nq": chain.nq, "nv": chain.nv, "nu": chain.nu, "nc": chain.nc}
     table = Table(title=chain.name, show_header=False)
@@ -33,7 +39,7 @@ def inspect(
     table.add_row("idle freedoms", "\n".join(report.idle) or "none")
     table.add_row("redundant loop rows", ", ".join(report.redundant) or "none")
     table.add_row("motors sufficient", "yes" if report.motors_sufficient else f"no, {report.lost} left over")
-    notes = [f"{note.subject}: {note.text}" for note in chain.mechanism.notes]
-    table.add_row("ignored", "\n".join(notes) or "nothing")
+    table.add_row("file", str(chain.report))
     console.print(table)
+    notes = [asdict(note) for note in chain.mechanism.notes]
     write_json(json, {"robot": chain.name, **sizes, "mobility": asdict(report), "notes": notes})

@@ -14,6 +14,7 @@ from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.model.description import Coupling, Loop, Mechanism, Report
 from stewart_pin.model.leg_points import leg_points
 from stewart_pin.model.loop_table import LoopTable, build_loop_table
+from stewart_pin.model.motors import mark_motors
 from stewart_pin.model.tree import link_frame
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
@@ -160,18 +161,12 @@ class ClosedChain:
         Mechanism
             What a writer needs.
         """
-        in_order = iter([self.mechanism.joint(name) for name in self.motors])
-        motors = set(self.motors)
-        joints = tuple(
-            replace(next(in_order), independent=True)
-            if joint.name in motors
-            else replace(joint, independent=False)
-            for joint in self.mechanism.joints
-        )
         home: dict[str, FloatArray] = {}
         for name, joint in zip(self.model.names[1:], self.model.joints[1:], strict=True):
             home[name] = self.q_home[joint.idx_q : joint.idx_q + joint.nq]
-        return replace(self.mechanism, joints=joints, platform=self.platform, home=home, home_is_guess=False)
+        return replace(
+            mark_motors(self.mechanism, self.motors), platform=self.platform, home=home, home_is_guess=False
+        )
 
     def leg_points(self) -> tuple[FloatArray, FloatArray]:
         """Find the ends of the legs that the motors drive.

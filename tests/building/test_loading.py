@@ -93,9 +93,9 @@ def test_gravity_is_a_vector(gravity: object) -> None:
         stp.load("stewart", gravity=gravity)  # type: ignore[arg-type]
 
 
-def test_side_cars_are_named_as_unsupported() -> None:
-    with pytest.raises(UnsupportedError, match=r"loops='loops\.yaml'"):
-        stp.load("stewart", loops="loops.yaml")
+def test_side_cars_of_other_kinds_are_named_as_unsupported() -> None:
+    with pytest.raises(UnsupportedError, match=r"loops='loops\.toml'"):
+        stp.load("stewart", loops="loops.toml")
 
 
 def test_robots_are_found_in_a_wheel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.small_urdf import bundled, write
+
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "stewart_pin", *arguments]
@@ -54,9 +56,22 @@ def test_inspect_tells_the_mobility(tmp_path: Path) -> None:
     assert json.loads(figures.read_text())["mobility"]["dof"] == 12
 
 
+def test_inspect_tells_what_was_made_of_a_file(tmp_path: Path) -> None:
+    text = bundled("stewart").read_text().replace(' independent="true"', "").replace('"platform"', '"plate"')
+    path, figures = write(tmp_path, text), tmp_path / "figures.json"
+    legs = ",".join(f"leg{k}" for k in range(1, 7))
+    answer = run("inspect", str(path), "--motors", legs, "--platform", "plate", "--json", str(figures))
+    assert answer.returncode == 0, answer.stderr
+    assert "read as URDF+" in answer.stdout
+    assert {"subject": "loop 'leg6_ball'", "text": "read as URDF+", "outcome": "kept"} in json.loads(
+        figures.read_text()
+    )["notes"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (("inspect", "stewart", "--loops", "loops.json"), "side-car files of type '.json' are not supported"),
         (("compare", "--robot", "no_such_robot"), "bundled robots are: "),
         (("compare", "--amplitude", "far"), "--amplitude must be numbers"),
         (("compare", "--frequencies", "1,2"), "--frequencies must be one number or 3"),

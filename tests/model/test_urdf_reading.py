@@ -54,7 +54,7 @@ def test_loops_axes_motors_and_home(tmp_path: Path) -> None:
         name: float(value) for name, value in SQUARE.items()
     }
     assert [(note.subject, note.text) for note in mechanism.notes] == [
-        (f"loop '{name}'", "read as URDF+ <loop>") for name in ("hinge", "swivel", "rod")
+        (f"loop '{name}'", "read as URDF+") for name in ("hinge", "swivel", "rod")
     ]
 
 
@@ -116,7 +116,7 @@ def test_the_report_names_all_that_was_ignored(tmp_path: Path) -> None:
     assert "version" not in report
     assert (
         str(stp.load("stewart").report)
-        == "kept: read as URDF+ <loop> (loop 'leg1_ball', loop 'leg2_ball', loop 'leg3_ball' and 3 more)"
+        == "kept: read as URDF+ (loop 'leg1_ball', loop 'leg2_ball', loop 'leg3_ball' and 3 more)"
     )
 
 
@@ -144,17 +144,12 @@ def test_limits_that_other_readers_take_differently_are_reported(tmp_path: Path)
 
 
 FOREIGN = {
-    "isaac": ('<loop_joint name="l" type="spherical"><link1 link="arm"/></loop_joint>', "<loop_joint>"),
-    "drake": ("<drake:ball_constraint/>", "<drake:ball_constraint>"),
-    "drake_joint": ('<drake:joint name="b" type="ball"/>', "<drake:joint>"),
-    "urdfdom": ('<constraint name="c" type="loop"/>', "<constraint>"),
-    "gazebo": ('<gazebo><joint name="j" type="ball"/></gazebo>', "<gazebo><joint>"),
+    "drake": ("<drake:tendon_constraint/>", "<drake:tendon_constraint>"),
     "sdf": ("<gazebo><model><joint><child>arm</child></joint></model></gazebo>", "<gazebo><joint>"),
     "plugin": ("<gazebo><plugin><mimicJoint>elbow</mimicJoint></plugin></gazebo>", "<gazebo><mimicJoint>"),
     "mujoco": ("<mujoco><equality><connect/></equality></mujoco>", "<mujoco><equality>"),
-    "coupling": ('<coupling name="c" type="rolling"/>', "<coupling>"),
     "in a link": (link("shell", loop("l", "spherical", "arm", "base")), "<loop>"),
-    "in a joint": (joint("j", "base", "arm", content='<mimic joint="elbow"/>'), "<mimic>"),
+    "in a joint": (joint("j", "base", "arm", content='<coupling joint="elbow"/>'), "<coupling>"),
     "link in link": (link("shell", link("inner")), "<link>"),
 }
 
@@ -163,7 +158,7 @@ FOREIGN = {
 @pytest.mark.parametrize("declared", [True, False])
 def test_loops_in_another_dialect_are_refused(tmp_path: Path, tag: str, shown: str, declared: bool) -> None:
     namespace = 'xmlns:drake="http://drake.mit.edu"' if declared else ""
-    with pytest.raises(FileFormatError, match=r"supported: URDF\+ \(<loop>\)") as caught:
+    with pytest.raises(FileFormatError, match=r"supported: <loop>, .*<loop_joint>") as caught:
         stp.load(write(tmp_path, robot(*ARM, tag, attributes=namespace)))
     assert shown in str(caught.value) and "small.urdf" in str(caught.value)
     assert caught.value.culprit == shown
@@ -187,7 +182,7 @@ def test_a_default_namespace_changes_nothing(tmp_path: Path) -> None:
     # Drake's older robot files carry one.
     text = robot(*FOUR_BAR, CLOSED, home(**SQUARE), attributes='xmlns="http://drake.mit.edu"')
     chain = stp.load(write(tmp_path, text))
-    assert (chain.nv, chain.nc, str(chain.report)) == (3, 5, "kept: read as URDF+ <loop> (loop 'hinge')")
+    assert (chain.nv, chain.nc, str(chain.report)) == (3, 5, "kept: read as URDF+ (loop 'hinge')")
 
 
 def test_a_second_parent_is_cut(tmp_path: Path) -> None:
@@ -230,7 +225,7 @@ MISTAKES = {
     "two origins": (joint("j", "base", "arm", origin='xyz="1 0 0"/><origin xyz="2 0 0"'), "has 2 <origin>"),
     "quaternion": (joint("j", "base", "arm", origin='quat_xyzw="0 0 0 1"'), "attribute 'quat_xyzw'"),
     "axis spelling": (joint("j", "base", "arm", axis='<axis xzy="0 0 1"/>'), "attribute 'xzy'"),
-    "zero axis": (joint("j", "base", "arm", axis='<axis xyz="0 0 0"/>'), "<axis> of length zero"),
+    "zero axis": (joint("j", "base", "arm", axis='<axis xyz="0 0 0"/>'), "<axis xyz> is of length zero"),
     "flag": (joint("j", "base", "arm", attributes='independent="yes"'), "'true' or 'false', got 'yes'"),
     "mass missing": (link("l", "<inertial><inertia/></inertial>"), "needs a <mass>"),
     "inertia entry": (link("l", INERTIAL.replace("ixy", "iyx")), "attribute 'iyx'"),

@@ -5,14 +5,15 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
 from lxml import etree
 
-from stewart_pin.model.description import Coupling, Joint, Link, Loop, Mechanism, Note
+from stewart_pin.model.description import Coupling, Joint, Link, Loop, Mechanism, Note, Outcome
 from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.unfolding import Unfolded
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +26,10 @@ class Parts:
         New parts.
     notes
         What the reader made of the tag.
+    motors
+        Joints that the tag names as driven; None: it is no list of motors.
+    later
+        What the tag adds once all links and joints are known: called with the mechanism, in the order of the file.
     """
 
     links: tuple[Link, ...] = ()
@@ -32,6 +37,26 @@ class Parts:
     loops: tuple[Loop, ...] = ()
     couplings: tuple[Coupling, ...] = ()
     notes: tuple[Note, ...] = ()
+    motors: tuple[str, ...] | None = None
+    later: Callable[[Mechanism], Parts] | None = None
+
+    @classmethod
+    def of(cls, unfolded: Unfolded, notes: tuple[Note, ...] = ()) -> Parts:
+        """Make parts of a joint that was unfolded.
+
+        Parameters
+        ----------
+        unfolded
+            The row of joints.
+        notes
+            Notes besides its own.
+
+        Returns
+        -------
+        Parts
+            Links, joints, couplings and notes.
+        """
+        return cls(unfolded.links, unfolded.joints, (), unfolded.couplings, (unfolded.note, *notes))
 
 
 TagReader = Callable[[UrdfElements, etree._Element], Parts]
@@ -54,6 +79,12 @@ class Dialect:
     complete
         Last step, after all tags of the file have been read: finds what stands in names or in the shape of the
         tree; None: there is no such step.
+    suffixes
+        Endings of the side-car files in which the dialect stands beside a URDF, in small letters.
+    mark
+        Word that a side-car file of the dialect holds, by which one that was not asked for is told from other files.
+    add_side_car
+        Adds what a side-car file says to a mechanism; None: the dialect has no side-car files.
     write
         Writes a mechanism, its home complete; None: the dialect is only read.
     """
@@ -62,6 +93,9 @@ class Dialect:
     title: str
     tags: Mapping[str, TagReader] = field(default_factory=dict)
     complete: Callable[[Mechanism], Mechanism] | None = None
+    suffixes: tuple[str, ...] = ()
+    mark: str = ""
+    add_side_car: Callable[[Mechanism, Path], Mechanism] | None = None
     write: Callable[[Mechanism, Path], None] | None = None
 
 
@@ -90,3 +124,50 @@ def claimed_tags() -> Mapping[str, Dialect]:
         Dialect of each ``parent/tag``.
     """
     return {tag: dialect for dialect in dialects() for tag in dialect.tags}
+
+
+def add_parts(mechanism: Mechanism, parts: Parts, title: str) -> Mechanism:
+    """Add what a tag holds to a mechanism, and note where it was found.
+
+    Parameters
+    ----------
+    mechanism
+        What has been read so far.
+    parts
+        What the tag adds.
+    title
+        How the report calls the dialect.
+
+    Returns
+    -------
+    Mechanism
+        Both together.
+    """
+    return replace(
+        mechanism,
+        links=mechanism.links + parts.links,
+        joints=mechanism.joints + parts.joints,
+        loops=mechanism.loops + parts.loops,
+        couplings=mechanism.couplings + parts.couplings,
+        notes=(*mechanism.notes, *found_notes(parts, title), *parts.notes),
+    )
+
+
+def found_notes(parts: Parts, title: str) -> tuple[Note, ...]:
+    """Note in which dialect loops and couplings were found.
+
+    Parameters
+    ----------
+    parts
+        What a tag holds.
+    title
+        How the report calls the dialect.
+
+    Returns
+    -------
+    tuple of Note
+        One per loop and coupling.
+    """
+    names = [f"loop '{loop.name}'" for loop in parts.loops]
+    names += [f"coupling '{coupling.name}'" for coupling in parts.couplings]
+    return tuple(Note(name, f"read as {title}", Outcome.KEPT) for name in names)

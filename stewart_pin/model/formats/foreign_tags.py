@@ -6,7 +6,10 @@ from lxml import etree
 
 from stewart_pin.model.formats.xml import ElementReader, shown_tag
 
-DIALECTS = "URDF+ (<loop>)"
+DIALECTS = (
+    "<loop>, <coupling>, <loop_joint>, <drake:ball_constraint>, <constraint>, <gazebo><joint>, <mimic>, a YAML beside "
+    "the URDF, frames closing_*_1, closing_*_2, and a link with two parents"
+)
 """Loop syntaxes that `load` understands."""
 
 _HARMLESS = {
@@ -19,6 +22,7 @@ _HARMLESS = {
     "contact": "simulator settings",
     "transmission": "motors are the joints marked independent",
     "ros2_control": "motors are the joints marked independent",
+    "joint_properties": "friction and damping are arguments of the simulation",
     "gazebo": "simulator settings",
     "mujoco": "simulator settings",
     "sensor": "sensors",

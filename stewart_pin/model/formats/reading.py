@@ -9,6 +9,7 @@ from stewart_pin.errors import FileFormatError, UnsupportedError
 from stewart_pin.model.description import Mechanism
 from stewart_pin.model.formats.mjcf_reading import read_mjcf
 from stewart_pin.model.formats.sdf import read_sdf
+from stewart_pin.model.formats.side_cars import side_car_suffixes
 from stewart_pin.model.formats.urdf import read_urdf
 from stewart_pin.model.formats.xml import read_xml, shown_tag
 
@@ -28,9 +29,9 @@ def read_mechanism(path: Path, *, loops: Path | None = None) -> Mechanism:
     Parameters
     ----------
     path
-        File to read.
+        File to read; a side-car file stands for the URDF of the same name beside it.
     loops
-        Side-car file that declares the loops.
+        Side-car file of a URDF that declares the loops.
 
     Returns
     -------
@@ -42,12 +43,10 @@ def read_mechanism(path: Path, *, loops: Path | None = None) -> Mechanism:
     FileFormatError
         If the file is missing, broken, or its root element is unknown.
     UnsupportedError
-        If files of this type are not read at all.
+        If files of this type are not read at all, or have no side-car files.
     """
-    if loops is not None:
-        raise UnsupportedError(
-            f"loops={str(loops)!r}: side-car files are not supported yet; write <loop> in the URDF"
-        )
+    if path.suffix.lower() in side_car_suffixes() and loops is None:
+        path, loops = path.with_suffix(".urdf"), path
     if path.suffix.lower() not in _SUFFIXES:
         raise UnsupportedError(
             f"{path}: files of type '{path.suffix}' are not supported; supported: {', '.join(_SUFFIXES)}"
@@ -58,4 +57,8 @@ def read_mechanism(path: Path, *, loops: Path | None = None) -> Mechanism:
         raise FileFormatError(
             f"the root element is <{root}>; supported: {known}", path=str(path), culprit=f"<{root}>"
         )
-    return _READERS[root](path)
+    if loops is None:
+        return _READERS[root](path)
+    if root != "robot":
+        raise UnsupportedError(f"loops={str(loops)!r}: side-car files belong to a URDF, and {path} is none")
+    return read_urdf(path, loops=loops)

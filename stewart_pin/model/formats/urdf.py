@@ -11,7 +11,7 @@ a loop; the notes say so.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,9 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.model.description import Joint, JointKind, Link, Mechanism, Outcome
-from stewart_pin.model.formats.dialect import Parts, claimed_tags, dialects
+from stewart_pin.model.formats.dialect import Parts, add_parts, claimed_tags, dialects, found_notes
+from stewart_pin.model.formats.named_motors import choose_motors
+from stewart_pin.model.formats.side_cars import add_side_car, find_beside
 from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES, UrdfElements
 from stewart_pin.model.formats.xml import UNLIMITED, shown_tag
 from stewart_pin.model.spanning_tree import cut_second_parents
@@ -43,13 +45,25 @@ JOINT_TYPES = {
 _UNFOLDED = (JointKind.PLANAR, JointKind.CYLINDRICAL, JointKind.UNIVERSAL)
 
 
-def read_urdf(path: Path) -> Mechanism:
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What one tag held, and how the report calls tag and dialect."""
+
+    parts: Parts
+    title: str = ""
+    tag: str = ""
+    subject: str = ""
+
+
+def read_urdf(path: Path, *, loops: Path | None = None) -> Mechanism:
     """Read a URDF with or without loops.
 
     Parameters
     ----------
     path
         File to read.
+    loops
+        Side-car file that declares loops; None: one that lies beside the file under the file's own name, if any.
 
     Returns
     -------
@@ -63,7 +77,14 @@ def read_urdf(path: Path) -> Mechanism:
     MechanismError
         If a joint that would have to be cut is a motor.
     """
-    return _UrdfReader(path).read()
+    mechanism = _UrdfReader(path).read()
+    side_car = find_beside(path) if loops is None else loops
+    if side_car is not None:
+        mechanism = add_side_car(mechanism, side_car)
+    for dialect in dialects():
+        if dialect.complete is not None:
+            mechanism = dialect.complete(mechanism)
+    return cut(mechanism)
 
 
 class _UrdfReader(UrdfElements):
@@ -72,13 +93,14 @@ class _UrdfReader(UrdfElements):
             raise self.error(f"the root element is <{shown_tag(self.root)}>, a URDF has <robot>", "<robot>")
         self.ignore_attributes(self.root, "the file", ("name", "version"))
         core = {"link": self._link, "joint": self._joint}
-        parts: list[Parts] = []
+        found: list[_Found] = []
         for element in self.root.iterchildren(etree.Element):
             tag = shown_tag(element)
             if tag in core:
-                parts.extend(core[tag](element))
+                found.extend(core[tag](element))
             elif tag not in ("group_state", "end_effector"):
-                parts.extend(self._in_a_dialect(element, "the file"))
+                found.extend(self._in_a_dialect(element, "the file"))
+        parts = [each.parts for each in found]
         links = tuple(link for part in parts for link in part.links)
         mechanism = Mechanism(
             name=self.root.get("name") or Path(self.path).stem,
@@ -91,12 +113,15 @@ class _UrdfReader(UrdfElements):
             source=self.path,
             notes=(*self.notes, *(note for part in parts for note in part.notes)),
         )
-        for dialect in dialects():
-            if dialect.complete is not None:
-                mechanism = dialect.complete(mechanism)
-        return cut(mechanism)
+        for each in found:
+            if each.parts.later is not None:
+                mechanism = add_parts(mechanism, each.parts.later(mechanism), each.title)
+        named = [
+            (each.tag, each.subject, each.parts.motors) for each in found if each.parts.motors is not None
+        ]
+        return choose_motors(mechanism, named)
 
-    def _in_a_dialect(self, element: etree._Element, owner: str) -> list[Parts]:
+    def _in_a_dialect(self, element: etree._Element, owner: str) -> list[_Found]:
         """Read a tag by the dialect that claims it; note it, or refuse it, where none does."""
         parent = element.getparent()
         tag = f"{'' if parent is None else shown_tag(parent)}/{shown_tag(element)}"
@@ -105,29 +130,27 @@ class _UrdfReader(UrdfElements):
             self.ignore(element, owner)
             return []
         part = dialect.tags[tag](self, element)
-        for what, found in (("loop", part.loops), ("coupling", part.couplings)):
-            for each in found:
-                self.note(f"{what} '{each.name}'", f"read as {dialect.title}", Outcome.KEPT)
-        return [part]
+        self.notes += found_notes(part, dialect.title)
+        return [_Found(part, dialect.title, shown_tag(element), self.shown(element, owner))]
 
     def _children_in_dialects(
         self, element: etree._Element, owner: str, known: tuple[str, ...]
-    ) -> list[Parts]:
+    ) -> list[_Found]:
         return [
-            part
+            found
             for child in element.iterchildren(etree.Element)
             if shown_tag(child) not in known
-            for part in self._in_a_dialect(child, owner)
+            for found in self._in_a_dialect(child, owner)
         ]
 
-    def _link(self, element: etree._Element) -> list[Parts]:
+    def _link(self, element: etree._Element) -> list[_Found]:
         name = self.text(element, "name", "a <link>")
         owner = f"link '{name}'"
         self.ignore_attributes(element, owner, ("name", "type"))
         inertial = self.optional(element, "inertial", owner)
         inertia = None if inertial is None else self._inertia(inertial, owner)
         return [
-            Parts(links=(Link(name, inertia),)),
+            _Found(Parts(links=(Link(name, inertia),))),
             *self._children_in_dialects(element, owner, ("inertial",)),
         ]
 
@@ -149,7 +172,7 @@ class _UrdfReader(UrdfElements):
         inertia.inertia = (turned + turned.T) / 2
         return inertia
 
-    def _joint(self, element: etree._Element) -> list[Parts]:
+    def _joint(self, element: etree._Element) -> list[_Found]:
         name = self.text(element, "name", "a <joint>")
         owner = f"joint '{name}'"
         written = self.text(element, "type", owner)
@@ -166,10 +189,10 @@ class _UrdfReader(UrdfElements):
         if kind in _UNFOLDED:
             if independent:
                 raise self.error(f"{owner} is marked independent; a motor drives one freedom", owner)
-            own = unfolded_parts(self._unfold(element, name, kind, ends, placement))
+            own = Parts.of(self._unfold(element, name, kind, ends, placement))
         else:
             own = Parts(joints=(self._plain(element, Joint(name, kind, *ends, placement), independent),))
-        return [own, *self._children_in_dialects(element, owner, known)]
+        return [_Found(own), *self._children_in_dialects(element, owner, known)]
 
     def _plain(self, element: etree._Element, joint: Joint, independent: bool) -> Joint:
         """Add motor, axis and limits."""
@@ -280,19 +303,3 @@ def cut(mechanism: Mechanism) -> Mechanism:
         notes=mechanism.notes + notes,
         home={name: value for name, value in mechanism.home.items() if name not in lost},
     )
-
-
-def unfolded_parts(unfolded: Unfolded) -> Parts:
-    """Make parts of a joint that was unfolded.
-
-    Parameters
-    ----------
-    unfolded
-        The row of joints.
-
-    Returns
-    -------
-    Parts
-        Links, joints, couplings and the note.
-    """
-    return Parts(unfolded.links, unfolded.joints, (), unfolded.couplings, (unfolded.note,))

@@ -43,7 +43,7 @@ class UrdfElements(ElementReader):
         self.root = read_xml(path)
         self.notes: list[Note] = []
 
-    def origin(self, element: etree._Element, owner: str) -> pin.SE3:
+    def origin(self, element: etree._Element, owner: str, tag: str = "origin") -> pin.SE3:
         """Read the placement that an ``<origin>`` inside an element gives.
 
         Parameters
@@ -52,13 +52,15 @@ class UrdfElements(ElementReader):
             Where to look.
         owner
             Named in the message.
+        tag
+            Tag of the origin.
 
         Returns
         -------
         pinocchio.SE3
-            The placement; identity where there is no ``<origin>``.
+            The placement; identity where there is no such tag.
         """
-        origin = self.optional(element, "origin", owner)
+        origin = self.optional(element, tag, owner)
         if origin is None:
             return pin.SE3.Identity()
         self.only(origin, owner, ("xyz", "rpy"))
@@ -109,10 +111,29 @@ class UrdfElements(ElementReader):
         if axis is None:
             return self.parse(default, 3, owner, owner)
         self.only(axis, owner, ("xyz", *extra))
-        values = self.numbers(axis, "xyz", 3, owner)
+        return self.direction(self.text(axis, "xyz", owner), f"{owner}: <{tag} xyz>", owner)
+
+    def direction(self, text: str, where: str, owner: str) -> FloatArray:
+        """Read a direction from text.
+
+        Parameters
+        ----------
+        text
+            Three numbers.
+        where
+            Named in the message.
+        owner
+            Link or joint at fault.
+
+        Returns
+        -------
+        numpy.ndarray
+            (3,) unit vector (dimensionless).
+        """
+        values = self.parse(text, 3, where, owner)
         size = np.linalg.norm(values)
         if size < _NO_DIRECTION:
-            raise self.error(f"{owner} has an <{tag}> of length zero; give a direction", owner)
+            raise self.error(f"{where} is of length zero; give a direction", owner)
         # A vector that is of unit length to the last digit keeps its digits, so that files survive being rewritten.
         return values if abs(size - 1) < 1e-15 else values / size
 
@@ -154,10 +175,11 @@ class UrdfElements(ElementReader):
         bool
             The value.
         """
+        # URDF+ files say "True", too.
         value = element.get(attribute, "false")
-        if value not in ("true", "false"):
+        if value not in ("true", "false", "True", "False"):
             raise self.error(f"{owner}: {attribute} must be 'true' or 'false', got {value!r}", owner)
-        return value == "true"
+        return value in ("true", "True")
 
     def note(self, owner: str, text: str, outcome: Outcome = Outcome.IGNORED) -> None:
         """Remember what became of a finding.
@@ -183,9 +205,25 @@ class UrdfElements(ElementReader):
         owner
             Link or joint that holds it.
         """
+        self.note(owner, f"{self.shown(element, owner)}: {reason_to_ignore(self, element, owner)}")
+
+    def shown(self, element: etree._Element, owner: str) -> str:
+        """Print an element for the report.
+
+        Parameters
+        ----------
+        element
+            The element.
+        owner
+            Link or joint that holds it.
+
+        Returns
+        -------
+        str
+            Its tag, with its name where the file itself holds it.
+        """
         named = f" name='{element.get('name')}'" if element.get("name") and owner == "the file" else ""
-        reason = reason_to_ignore(self, element, owner)
-        self.note(owner, f"<{shown_tag(element)}{named}>: {reason}")
+        return f"<{shown_tag(element)}{named}>"
 
     def ignore_attributes(self, element: etree._Element, owner: str, known: Collection[str]) -> None:
         """Note the attributes that are not read.

@@ -58,8 +58,8 @@ def save(robot: etree._Element, mechanism: Mechanism, path: Path) -> None:
     path.write_bytes(etree.tostring(robot, pretty_print=True, xml_declaration=True, encoding="utf-8"))
 
 
-def write_origin(element: etree._Element, placement: pin.SE3, tag: str = "origin") -> None:
-    """Write a placement, unless it is the identity.
+def write_origin(element: etree._Element, placement: pin.SE3) -> None:
+    """Write a placement as ``<origin>``, unless it is the identity.
 
     Parameters
     ----------
@@ -67,15 +67,29 @@ def write_origin(element: etree._Element, placement: pin.SE3, tag: str = "origin
         Where to put it.
     placement
         The placement.
-    tag
-        Tag to use.
+    """
+    attributes = pose_attributes(placement)
+    if attributes:
+        etree.SubElement(element, "origin", attributes)
+
+
+def pose_attributes(placement: pin.SE3) -> dict[str, str]:
+    """Print a placement as the attributes ``xyz`` and ``rpy``.
+
+    Parameters
+    ----------
+    placement
+        The placement.
+
+    Returns
+    -------
+    dict
+        Without ``rpy`` where nothing is turned; empty for the identity.
     """
     rpy = rpy_from_rotation(placement.rotation)
-    if placement.translation.any() or rpy.any():
-        attributes = {"xyz": number_text(placement.translation)}
-        if rpy.any():
-            attributes["rpy"] = number_text(rpy)
-        etree.SubElement(element, tag, attributes)
+    turned = {"rpy": number_text(rpy)} if rpy.any() else {}
+    moved = {"xyz": number_text(placement.translation)} if turned or placement.translation.any() else {}
+    return moved | turned
 
 
 def _write_link(robot: etree._Element, link: Link) -> None:

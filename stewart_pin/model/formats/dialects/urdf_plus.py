@@ -1,12 +1,20 @@
-"""URDF+: loops are ``<loop>``, and ``independent="true"`` marks the motors.
+"""URDF+: loops are ``<loop>``, gears are ``<coupling>``, and ``independent="true"`` marks the motors.
 
 A loop has a ``<predecessor link>`` and a ``<successor link>``, each with its ``<origin>``, and an ``<axis>``.
 Besides the types of URDF+, all kinds of loops are read and written: a universal one has ``<axis2>``, a distance has a
-``<length value>``. Readers that know none of this see the spanning tree.
+``<length value>``.
+
+A coupling has a ``<predecessor link>``, a ``<successor link>`` and a ``<ratio value>``: the positions of the joints
+from the nearest common ancestor of the two links to the successor sum up to the ratio times that of the predecessor.
+With a motor's rotor as successor, on the same parent as the link that it drives: rotor = ratio × link. Here each side
+has to be one joint. Other couplings of two joints are written, and read, as ``type="polynomial"``: ``<follower joint>``
+stands at the polynomial ``<polynomial value>``, constant first, of ``<leader joint>``; without a leader, at the
+constant. Readers that know none of all this see the spanning tree.
 
 References
 ----------
 .. [1] M. Chignoli et al., "URDF+: An Enhanced URDF for Robots with Kinematic Loops", 2024.
+.. [2] generalized_rbda, the implementation by the same authors: ``ClusterTreeModel::explicitRollingConstraint``.
 """
 
 from __future__ import annotations
@@ -15,8 +23,10 @@ from pathlib import Path
 
 from lxml import etree
 
-from stewart_pin.model.description import AXIS_FREE_LOOPS, LOOP_KINDS, JointKind, Loop, Mechanism
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.model.description import AXIS_FREE_LOOPS, LOOP_KINDS, Coupling, JointKind, Loop, Mechanism
 from stewart_pin.model.formats.dialect import Dialect, Parts
+from stewart_pin.model.formats.frames import upward
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.urdf_writer import save, tree_element, write_origin
 from stewart_pin.model.formats.xml import number_text
@@ -56,6 +66,79 @@ def _read_loop(reader: UrdfElements, element: etree._Element) -> Parts:
     return Parts(loops=(loop,))
 
 
+def _read_coupling(reader: UrdfElements, element: etree._Element) -> Parts:
+    name = reader.text(element, "name", "a <coupling>")
+    owner = f"coupling '{name}'"
+    written = element.get("type", "rolling")
+    if written == "polynomial":
+        return _read_polynomial(reader, element, name, owner)
+    if written != "rolling":
+        raise reader.error(f"{owner} has the type '{written}'; supported: rolling, polynomial", owner)
+    reader.only(element, owner, ("name", "type"), ("predecessor", "successor", "ratio"))
+    ends = [reader.child(element, tag, owner) for tag in ("predecessor", "successor")]
+    ratio_element = reader.child(element, "ratio", owner)
+    for end in ends:
+        reader.only(end, owner, ("link",))
+    reader.only(ratio_element, owner, ("value",))
+    links = [reader.text(end, "link", owner) for end in ends]
+    ratio = float(reader.numbers(ratio_element, "value", 1, owner)[0])
+
+    def coupled(mechanism: Mechanism) -> Parts:
+        leaders, followers = joints_apart(mechanism, *links)
+        if len(leaders) != 1 or len(followers) != 1:
+            raise UnsupportedError(
+                f"{reader.path}: {owner} couples {_sum_text(followers)} to {_sum_text(leaders)}; only one joint on "
+                "each side of the common ancestor of predecessor and successor is supported"
+            )
+        return Parts(couplings=(Coupling(name, followers[0], leaders[0], (0.0, ratio)),))
+
+    return Parts(later=coupled)
+
+
+def _sum_text(names: list[str]) -> str:
+    return (
+        f"the sum of {', '.join(names)}" if len(names) > 1 else f"joint '{names[0]}'" if names else "no joint"
+    )
+
+
+def joints_apart(mechanism: Mechanism, link1: str, link2: str) -> tuple[list[str], list[str]]:
+    """List the moving joints between two links and their nearest common ancestor.
+
+    Parameters
+    ----------
+    mechanism
+        Description with both links.
+    link1, link2
+        Names of the links.
+
+    Returns
+    -------
+    first, second : list of str
+        Names of the joints above each link that are not above the other.
+    """
+    paths = [[joint for joint in upward(mechanism, link)] for link in (link1, link2)]
+    moving = [[joint.name for joint in path if joint.kind is not JointKind.FIXED] for path in paths]
+    first, second = ([name for name in own if name not in other] for own, other in (moving, moving[::-1]))
+    return first, second
+
+
+def _read_polynomial(reader: UrdfElements, element: etree._Element, name: str, owner: str) -> Parts:
+    reader.only(element, owner, ("name", "type"), ("follower", "leader", "polynomial"))
+    follower = reader.child(element, "follower", owner)
+    leader = reader.optional(element, "leader", owner)
+    numbers = reader.child(element, "polynomial", owner)
+    for joint in (follower, leader):
+        if joint is not None:
+            reader.only(joint, owner, ("joint",))
+    reader.only(numbers, owner, ("value",))
+    coefficients = reader.parse(
+        reader.text(numbers, "value", owner), None, f"{owner}: <polynomial value>", owner
+    )
+    joint2 = None if leader is None else reader.text(leader, "joint", owner)
+    coupling = Coupling(name, reader.text(follower, "joint", owner), joint2, tuple(map(float, coefficients)))
+    return Parts(couplings=(coupling,))
+
+
 def write_urdf_plus(mechanism: Mechanism, path: Path) -> None:
     """Write a mechanism as URDF with loops in the URDF+ dialect.
 
@@ -69,7 +152,26 @@ def write_urdf_plus(mechanism: Mechanism, path: Path) -> None:
     robot = tree_element(mechanism)
     for loop in mechanism.loops:
         _write_loop(robot, loop)
+    for coupling in mechanism.couplings:
+        _write_coupling(robot, mechanism, coupling)
     save(robot, mechanism, path)
+
+
+def _write_coupling(robot: etree._Element, mechanism: Mechanism, coupling: Coupling) -> None:
+    """Write a coupling as URDF+ has it where it can say it, else as a polynomial."""
+    links = [mechanism.joint(name).child for name in (coupling.joint2, coupling.joint1) if name is not None]
+    plain = len(coupling.polynomial) == 2 and coupling.polynomial[0] == 0
+    if plain and joints_apart(mechanism, *links) == ([coupling.joint2], [coupling.joint1]):
+        element = etree.SubElement(robot, "coupling", name=coupling.name, type="rolling")
+        etree.SubElement(element, "predecessor", link=links[0])
+        etree.SubElement(element, "successor", link=links[1])
+        etree.SubElement(element, "ratio", value=number_text([coupling.polynomial[1]]))
+        return
+    element = etree.SubElement(robot, "coupling", name=coupling.name, type="polynomial")
+    etree.SubElement(element, "follower", joint=coupling.joint1)
+    if coupling.joint2 is not None:
+        etree.SubElement(element, "leader", joint=coupling.joint2)
+    etree.SubElement(element, "polynomial", value=number_text(coupling.polynomial))
 
 
 def _write_loop(robot: etree._Element, loop: Loop) -> None:
@@ -87,4 +189,9 @@ def _write_loop(robot: etree._Element, loop: Loop) -> None:
         etree.SubElement(element, "length", value=number_text([loop.length]))
 
 
-DIALECT = Dialect("urdf+", "URDF+ <loop>", {"robot/loop": _read_loop}, write=write_urdf_plus)
+DIALECT = Dialect(
+    "urdf+",
+    "URDF+",
+    {"robot/loop": _read_loop, "robot/coupling": _read_coupling},
+    write=write_urdf_plus,
+)

@@ -1,0 +1,193 @@
+"""Drake's tags: loops as ``<drake:ball_constraint>``, joints that URDF lacks as ``<drake:joint>``.
+
+A ball constraint holds point P of body A at point Q of body B; it has no name, and gets one from its bodies unless an
+attribute ``name`` gives it. Drake's universal joint turns about x of its frame, then about y; its screw advances by
+``<drake:screw_thread_pitch>`` per turn, right-handed; its planar joint moves across ``<axis>``. Drake reads ``<mimic>``
+too. Springs and bushings are forces: springs are left out and noted; a bushing, which stands for a joint, is refused.
+
+References
+----------
+.. [1] Drake documentation, "Parsing Models in MultibodyPlant", tags drake:ball_constraint, drake:joint,
+   drake:screw_thread_pitch, drake:linear_bushing_rpy.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.model.description import Joint, JointKind, Loop, Mechanism, Note
+from stewart_pin.model.formats.dialect import Dialect, Parts
+from stewart_pin.model.formats.dialects.mimic import write_mimics
+from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.formats.urdf_writer import save, tree_element
+from stewart_pin.model.formats.xml import number_text, shown_tag
+from stewart_pin.model.unfolding import unfold_planar, unfold_screw, unfold_universal
+
+_NAMESPACE = "http://drake.mit.edu"
+_WORLD = "world"
+"""Name of the body that does not move."""
+_BALL = "drake:ball_constraint"
+_JOINTS = ("ball", "planar", "screw", "universal")
+_X, _Y = np.eye(3)[:2]
+
+
+def _read_ball(reader: UrdfElements, element: etree._Element) -> Parts:
+    bodies = [reader.child(element, f"{_BALL}_body_{end}", f"<{_BALL}>") for end in "AB"]
+    links = [reader.text(body, "name", f"<{_BALL}>") for body in bodies]
+    owner = f"ball_constraint of '{links[0]}' and '{links[1]}'"
+    tags = [f"{_BALL}_{part}" for part in ("body_A", "body_B", "p_AP", "p_BQ")]
+    reader.only(element, owner, ("name",), tags)
+    points = [reader.child(element, tag, owner) for tag in tags[2:]]
+    for leaf, attribute in zip((*bodies, *points), ("name", "name", "value", "value"), strict=True):
+        reader.only(leaf, owner, (attribute,))
+    places = [pin.SE3(np.eye(3), reader.numbers(point, "value", 3, owner)) for point in points]
+    name = element.get("name") or _free_name(reader, element, f"{links[0]}_{links[1]}_ball")
+    return Parts(loops=(Loop(name, JointKind.SPHERICAL, links[0], links[1], *places),))
+
+
+def _free_name(reader: UrdfElements, element: etree._Element, stem: str) -> str:
+    """Give each of several constraints between the same two bodies a number."""
+    same = [f"{_BALL}_body_{end}" for end in "AB"]
+    wanted = [_inner_name(element, tag) for tag in same]
+    others = [e for e in reader.root.iterchildren(etree.Element) if shown_tag(e) == _BALL]
+    twins = [e for e in others if e.get("name") is None and [_inner_name(e, tag) for tag in same] == wanted]
+    return stem if len(twins) < 2 else f"{stem}_{twins.index(element) + 1}"
+
+
+def _inner_name(element: etree._Element, tag: str) -> str | None:
+    return next(
+        (child.get("name") for child in element.iterchildren(etree.Element) if shown_tag(child) == tag), None
+    )
+
+
+def _read_joint(reader: UrdfElements, element: etree._Element) -> Parts:
+    name = reader.text(element, "name", "a <drake:joint>")
+    owner = f"joint '{name}'"
+    written = reader.text(element, "type", owner)
+    if written not in _JOINTS:
+        raise reader.error(
+            f"{owner}: <drake:joint> has the type '{written}'; supported: {', '.join(_JOINTS)}", owner
+        )
+    pitch = ("drake:screw_thread_pitch",) if written == "screw" else ()
+    reader.only(
+        element, owner, ("name", "type"), ("parent", "child", "origin", "axis", "dynamics", "limit", *pitch)
+    )
+    notes = tuple(
+        Note(owner, text)
+        for tag, text in (
+            ("dynamics", "<dynamics>: friction and damping are arguments of the simulation"),
+            ("limit", f"<limit>: Drake reads none for a {written} joint"),
+        )
+        if reader.optional(element, tag, owner) is not None
+    )
+    parent, child = reader.ends(element, owner)
+    place = reader.origin(element, owner)
+    if written == "ball":
+        return Parts(joints=(Joint(name, JointKind.SPHERICAL, parent, child, place),), notes=notes)
+    if written == "universal":
+        return Parts.of(unfold_universal(name, parent, child, place, _X, _Y), notes)
+    axis = reader.axis(element, owner, "axis", "1 0 0")
+    if written == "planar":
+        return Parts.of(unfold_planar(name, parent, child, place, axis), notes)
+    thread = reader.child(element, "drake:screw_thread_pitch", owner)
+    reader.only(thread, owner, ("value",))
+    lead = float(reader.numbers(thread, "value", 1, owner)[0])
+    return Parts.of(unfold_screw(name, parent, child, place, axis, lead), notes)
+
+
+def _refuse_bushing(reader: UrdfElements, element: etree._Element) -> Parts:
+    raise reader.error(
+        f"<{shown_tag(element)}> (line {element.sourceline}) closes a loop by springs; "
+        f"write <{_BALL}>, or a <loop> of the wanted type, for a rigid one",
+        f"<{shown_tag(element)}>",
+    )
+
+
+def _note_spring(reader: UrdfElements, element: etree._Element) -> Parts:
+    return Parts(
+        notes=(Note(f"<{shown_tag(element)}>", "springs and dampers are arguments of the simulation"),)
+    )
+
+
+def write_drake(mechanism: Mechanism, path: Path) -> None:
+    """Write a mechanism as URDF with Drake's tags, so that Drake's own parser finds the loops.
+
+    Spherical joints become ``<drake:joint type="ball">``. Drake lets a root link float, unless it is called
+    ``world``: where no link is, one is added, and the ground is fixed to it. Couplings become ``<mimic>``, motors get a
+    ``<transmission>``.
+
+    Parameters
+    ----------
+    mechanism
+        What to write.
+    path
+        File to create or overwrite.
+
+    Raises
+    ------
+    UnsupportedError
+        If a loop is not spherical, or a coupling is no ``<mimic>``.
+    """
+    robot = tree_element(mechanism, {"drake": _NAMESPACE})
+    write_mimics(robot, mechanism, "drake")
+    for joint in mechanism.joints:
+        if joint.kind is JointKind.SPHERICAL:
+            element = next(e for e in robot.iter("joint") if e.get("name") == joint.name)
+            element.tag = f"{{{_NAMESPACE}}}joint"
+            element.set("type", "ball")
+    if not any(link.name == _WORLD for link in mechanism.links):
+        _fix_to_world(robot, mechanism)
+    for loop in mechanism.loops:
+        if loop.kind is not JointKind.SPHERICAL:
+            raise UnsupportedError(
+                f"loop '{loop.name}' is of type '{loop.kind}'; Drake's URDF knows only ball constraints: "
+                "cut the loop at a ball, or hold a hinge by two balls on its axis"
+            )
+        _write_ball(robot, loop)
+    for joint in mechanism.joints:
+        if joint.independent:
+            _write_transmission(robot, joint)
+    save(robot, mechanism, path)
+
+
+def _fix_to_world(robot: etree._Element, mechanism: Mechanism) -> None:
+    robot.insert(0, etree.Element("link", name=_WORLD))
+    taken = {joint.name for joint in mechanism.joints}
+    name = next(n for n in (f"{_WORLD}_fixed{'_' * k}" for k in range(len(taken) + 1)) if n not in taken)
+    element = etree.SubElement(robot, "joint", name=name, type="fixed")
+    etree.SubElement(element, "parent", link=_WORLD)
+    etree.SubElement(element, "child", link=mechanism.root)
+
+
+def _write_ball(robot: etree._Element, loop: Loop) -> None:
+    element = etree.SubElement(robot, f"{{{_NAMESPACE}}}ball_constraint", name=loop.name)
+    for end, link in zip("AB", (loop.link1, loop.link2), strict=True):
+        etree.SubElement(element, f"{{{_NAMESPACE}}}ball_constraint_body_{end}", name=link)
+    for points, place in zip(("p_AP", "p_BQ"), (loop.placement1, loop.placement2), strict=True):
+        value = number_text(place.translation)
+        etree.SubElement(element, f"{{{_NAMESPACE}}}ball_constraint_{points}", value=value)
+
+
+def _write_transmission(robot: etree._Element, joint: Joint) -> None:
+    element = etree.SubElement(robot, "transmission", name=f"{joint.name}_transmission")
+    etree.SubElement(element, "type").text = "transmission_interface/SimpleTransmission"
+    etree.SubElement(element, "joint", name=joint.name)
+    etree.SubElement(element, "actuator", name=f"{joint.name}_motor")
+
+
+DIALECT = Dialect(
+    "drake",
+    f"Drake <{_BALL}>",
+    {
+        f"robot/{_BALL}": _read_ball,
+        "robot/drake:joint": _read_joint,
+        "robot/drake:linear_bushing_rpy": _refuse_bushing,
+        "robot/drake:linear_spring_damper": _note_spring,
+    },
+    write=write_drake,
+)

@@ -1,0 +1,109 @@
+"""Joints of Gazebo inside a URDF: ``<gazebo><joint>`` in SDFormat's words closes a loop of the URDF's tree.
+
+Gazebo puts the pose of such a joint into the child link. Where the joint sits in the parent follows from how the two
+links lie while all joints are at zero, which is the pose in which Gazebo puts the robot together.
+
+References
+----------
+.. [1] Gazebo documentation, "Kinematic loops"; SDFormat documentation, "SDFormat extensions to URDF".
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pinocchio as pin
+from lxml import etree
+
+from stewart_pin.geometry.rotations import rotation_from_rpy
+from stewart_pin.model.description import JointKind, Loop, Note
+from stewart_pin.model.formats.dialect import Dialect, Parts
+from stewart_pin.model.formats.frames import relative_at_zero
+from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.formats.xml import shown_tag
+from stewart_pin.typing import FloatArray
+
+_TYPES = {
+    "revolute": JointKind.REVOLUTE,
+    "continuous": JointKind.REVOLUTE,
+    "prismatic": JointKind.PRISMATIC,
+    "ball": JointKind.SPHERICAL,
+    "fixed": JointKind.FIXED,
+    "universal": JointKind.UNIVERSAL,
+}
+_IN_AXIS = ("xyz", "limit", "dynamics", "use_parent_model_frame", "initial_position")
+
+
+def _read(reader: UrdfElements, element: etree._Element) -> Parts:
+    joints = [] if element.get("reference") else element.findall("joint")
+    for joint in joints:
+        element.remove(joint)
+    if len(element) or not joints:
+        reader.ignore(element, "the file")
+    loops = [_read_joint(reader, joint) for joint in joints]
+
+    def placed(mechanism) -> Parts:
+        found = []
+        for loop in loops:
+            relative = relative_at_zero(mechanism, loop.link1, loop.link2, f"joint '{loop.name}' of <gazebo>")
+            found.append(replace(loop, placement1=relative * loop.placement2))
+        return Parts(loops=tuple(found))
+
+    return Parts(later=placed if loops else None)
+
+
+def _read_joint(reader: UrdfElements, element: etree._Element) -> Loop:
+    name = reader.text(element, "name", "a <gazebo><joint>")
+    owner = f"joint '{name}' of <gazebo>"
+    written = reader.text(element, "type", owner)
+    if written not in _TYPES:
+        raise reader.error(f"{owner} has the type '{written}'; supported: {', '.join(_TYPES)}", owner)
+    kind = _TYPES[written]
+    for child in element.iterchildren(etree.Element):
+        if shown_tag(child) in ("physics", "sensor"):
+            reader.note(owner, f"<{shown_tag(child)}>: simulator settings")
+            element.remove(child)
+    reader.only(element, owner, ("name", "type"), ("parent", "child", "pose", "axis", "axis2"))
+    parent, child = (_text(reader, reader.child(element, tag, owner), owner) for tag in ("parent", "child"))
+    pose = reader.optional(element, "pose", owner)
+    placement = pin.SE3.Identity()
+    if pose is not None:
+        reader.only(pose, owner, ())
+        numbers = reader.parse(_text(reader, pose, owner), 6, f"{owner}: <pose>", owner)
+        placement = pin.SE3(rotation_from_rpy(*numbers[3:]), numbers[:3])
+    loop = Loop(name, kind, parent, child, pin.SE3.Identity(), placement)
+    if kind is JointKind.UNIVERSAL:
+        return replace(
+            loop, axis=_axis(reader, element, "axis", owner), axis2=_axis(reader, element, "axis2", owner)
+        )
+    if kind in (JointKind.REVOLUTE, JointKind.PRISMATIC):
+        return replace(loop, axis=_axis(reader, element, "axis", owner))
+    return loop
+
+
+def _text(reader: UrdfElements, element: etree._Element, owner: str) -> str:
+    text = (element.text or "").strip()
+    if not text or len(element):
+        raise reader.error(
+            f"{owner}: <{shown_tag(element)}> (line {element.sourceline}) must hold text", owner
+        )
+    return text
+
+
+def _axis(reader: UrdfElements, joint: etree._Element, tag: str, owner: str) -> FloatArray:
+    axis = reader.child(joint, tag, owner)
+    reader.only(axis, owner, (), _IN_AXIS)
+    xyz = reader.child(axis, "xyz", owner)
+    reader.only(xyz, owner, ())
+    other = reader.optional(axis, "use_parent_model_frame", owner)
+    if other is not None and _text(reader, other, owner) not in ("0", "false"):
+        raise reader.error(
+            f"{owner}: <use_parent_model_frame> is not read; give <xyz> in the joint's frame", owner
+        )
+    for part in ("limit", "dynamics", "initial_position"):
+        if reader.optional(axis, part, owner) is not None:
+            reader.notes.append(Note(owner, f"<{part}>: a joint that closes a loop has no coordinate"))
+    return reader.direction(_text(reader, xyz, owner), f"{owner}: <{tag}>", owner)
+
+
+DIALECT = Dialect("gazebo", "Gazebo <gazebo><joint>", {"robot/gazebo": _read})

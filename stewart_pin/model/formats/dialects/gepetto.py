@@ -1,0 +1,248 @@
+"""Gepetto's YAML beside a URDF: pairs of frames that coincide, motors, and joints that are more than URDF can say.
+
+``closed_loop`` lists pairs of frames (links, or joints, for the frame of their child), ``type`` says of each pair
+whether points (``3d``) or whole frames (``6d``) coincide, ``name_mot`` lists the motors in their order. ``joint_type``
+makes the joints of ``joint_name`` a ball (``SPHERICAL``), a universal joint about two axes of the joint's frame
+(``UJOINT_ZY``: z, then y) or rigid (``FIXED``). Besides these types of loops, ``revolute``, ``prismatic``,
+``cylindrical``, ``planar`` and ``point_on_line`` are read, along z of both frames; no other software reads them.
+
+References
+----------
+.. [1] V. Batto, L. de Matteis, N. Mansard, "Extended URDF: Accounting for parallel mechanism in robot description",
+   2025, arXiv:2504.04767.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.errors import FileFormatError, UnsupportedError
+from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
+from stewart_pin.model.formats.dialect import Dialect, Parts, add_parts
+from stewart_pin.model.formats.dialects.mimic import write_mimics
+from stewart_pin.model.formats.frames import carrier, find_frame
+from stewart_pin.model.formats.urdf_writer import save, tree_element
+from stewart_pin.model.formats.yaml import read_lists
+from stewart_pin.model.motors import mark_motors
+from stewart_pin.model.unfolding import unfold_universal
+
+_KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
+_TYPES = {
+    "3d": JointKind.SPHERICAL,
+    "6d": JointKind.FIXED,
+    "spherical": JointKind.SPHERICAL,
+    "fixed": JointKind.FIXED,
+    **{
+        str(kind): kind
+        for kind in (
+            JointKind.REVOLUTE,
+            JointKind.PRISMATIC,
+            JointKind.CYLINDRICAL,
+            JointKind.PLANAR,
+            JointKind.POINT_ON_LINE,
+        )
+    },
+}
+_AXES = dict(zip("XYZ", np.eye(3), strict=True))
+_UJOINTS = {f"UJOINT_{a}{b}": (_AXES[a], _AXES[b]) for a in _AXES for b in _AXES if a != b}
+_TITLE = "Gepetto YAML"
+
+
+def _add(mechanism: Mechanism, path: Path) -> Mechanism:
+    return _SideCar(mechanism, path).added()
+
+
+class _SideCar:
+    def __init__(self, mechanism: Mechanism, path: Path) -> None:
+        self.mechanism = mechanism
+        self.path = path
+        self.lists = read_lists(path)
+
+    def error(self, text: str, culprit: str) -> FileFormatError:
+        return FileFormatError(text, path=str(self.path), culprit=culprit)
+
+    def added(self) -> Mechanism:
+        for key in self.lists:
+            if key not in _KEYS:
+                raise self.error(f"the key '{key}' is not understood; known: {', '.join(_KEYS)}", key)
+        loops = self._loops()
+        upgrades = self._pairs("joint_name", "joint_type")
+        mechanism = self.mechanism
+        for name, written in upgrades:
+            mechanism = self._upgraded(mechanism, name, written)
+        mechanism = add_parts(mechanism, Parts(loops=loops), _TITLE)
+        return self._with_motors(mechanism) if "name_mot" in self.lists else mechanism
+
+    def _names(self, key: str) -> list[str]:
+        entries = self.lists.get(key, [])
+        names = [each for each in entries if isinstance(each, str)]
+        if len(names) != len(entries):
+            raise self.error(f"'{key}' must hold names, not lists", key)
+        return names
+
+    def _pairs(self, key1: str, key2: str) -> list[tuple[str, str]]:
+        first, second = self._names(key1), self._names(key2)
+        if len(first) != len(second):
+            raise self.error(
+                f"'{key1}' has {len(first)} entries, '{key2}' {len(second)}; they belong together", key1
+            )
+        for name in first:
+            if first.count(name) > 1:
+                raise self.error(f"'{key1}' names '{name}' twice; keep one", name)
+        return list(zip(first, second, strict=True))
+
+    def _loops(self) -> tuple[Loop, ...]:
+        pairs, types = self.lists.get("closed_loop", []), self._names("type")
+        if len(pairs) != len(types):
+            raise self.error(
+                f"'closed_loop' has {len(pairs)} entries, 'type' {len(types)}; say '3d' or '6d' for each loop",
+                "type",
+            )
+        loops: list[Loop] = []
+        for pair, written in zip(pairs, types, strict=True):
+            if isinstance(pair, str) or len(pair) != 2:
+                raise self.error(f"'closed_loop' must hold pairs of frames, got {pair!r}", "closed_loop")
+            if written.lower() not in _TYPES:
+                raise self.error(
+                    f"loop {pair} has the type '{written}'; supported: {', '.join(_TYPES)}", "type"
+                )
+            taken = [loop.name for loop in (*self.mechanism.loops, *loops)]
+            loops.append(self._loop(pair[0], pair[1], _TYPES[written.lower()], taken))
+        return tuple(loops)
+
+    def _loop(self, frame1: str, frame2: str, kind: JointKind, taken: list[str]) -> Loop:
+        owner = f"{self.path.name}: loop ['{frame1}', '{frame2}']"
+        (link1, place1), (link2, place2) = (
+            carrier(self.mechanism, find_frame(self.mechanism, frame, owner)) for frame in (frame1, frame2)
+        )
+        return Loop(_common_name(frame1, frame2, taken), kind, link1, link2, place1, place2)
+
+    def _upgraded(self, mechanism: Mechanism, name: str, written: str) -> Mechanism:
+        old = next((joint for joint in mechanism.joints if joint.name == name), None)
+        if old is None:
+            raise self.error(f"'joint_name' names the missing joint '{name}'; correct the name", name)
+        kinds = {"SPHERICAL": JointKind.SPHERICAL, "FIXED": JointKind.FIXED}
+        if written in kinds:
+            joints: tuple[Joint, ...] = (Joint(name, kinds[written], old.parent, old.child, old.placement),)
+            links: tuple[Link, ...] = ()
+        elif written in _UJOINTS:
+            row = unfold_universal(name, old.parent, old.child, old.placement, *_UJOINTS[written])
+            joints, links = row.joints, row.links
+        else:
+            known = ", ".join([*kinds, *_UJOINTS])
+            raise self.error(f"joint '{name}' has the type '{written}'; supported: {known}", name)
+        at = mechanism.joints.index(old)
+        note = Note(
+            f"joint '{name}'", f"{old.kind} in the URDF, {written} in {self.path.name}", Outcome.CHANGED
+        )
+        return replace(
+            mechanism,
+            joints=(*mechanism.joints[:at], *joints, *mechanism.joints[at + 1 :]),
+            links=mechanism.links + links,
+            home={
+                key: value for key, value in mechanism.home.items() if key != name or _fits(written, value)
+            },
+            notes=(*mechanism.notes, note),
+        )
+
+    def _with_motors(self, mechanism: Mechanism) -> Mechanism:
+        motors = self._names("name_mot")
+        movable = [joint.name for joint in mechanism.joints if joint.has_axis]
+        for name in motors:
+            if name not in movable:
+                raise self.error(
+                    f"'name_mot' names joint '{name}', which is missing or has not one freedom; the candidates are: "
+                    f"{', '.join(movable)}",
+                    name,
+                )
+            if motors.count(name) > 1:
+                raise self.error(f"'name_mot' names '{name}' twice; keep one", name)
+        note = Note("motors", f"as 'name_mot' of {self.path.name} says", Outcome.KEPT)
+        return replace(mark_motors(mechanism, motors), notes=(*mechanism.notes, note))
+
+
+def _fits(written: str, value: np.ndarray) -> bool:
+    return written == "SPHERICAL" and np.size(value) == 4
+
+
+def _common_name(frame1: str, frame2: str, taken: list[str]) -> str:
+    """Name a loop by what its frames share: ``loop1_A`` and ``loop1_B`` make ``loop1``."""
+    stem = frame1[:-1].rstrip("_")
+    if stem and frame1[:-1] == frame2[:-1] and stem not in taken:
+        return stem
+    return f"{frame1}_{frame2}"
+
+
+def write_gepetto(mechanism: Mechanism, path: Path) -> None:
+    """Write a mechanism as a URDF that every reader opens, and Gepetto's YAML of the same name beside it.
+
+    The loops' frames become links without mass, ``<loop>_A`` and ``<loop>_B``; spherical joints stand in the URDF as
+    continuous ones, which the YAML makes balls.
+
+    Parameters
+    ----------
+    mechanism
+        What to write.
+    path
+        URDF to create or overwrite; the YAML takes its place beside it.
+
+    Raises
+    ------
+    UnsupportedError
+        If a loop is neither spherical nor fixed, a coupling is no ``<mimic>``, or a frame's name is taken.
+    """
+    kinds = {JointKind.SPHERICAL: "3d", JointKind.FIXED: "6d"}
+    balls = [joint.name for joint in mechanism.joints if joint.kind is JointKind.SPHERICAL]
+    tree, pairs = mechanism, []
+    for loop in mechanism.loops:
+        if loop.kind not in kinds:
+            raise UnsupportedError(
+                f"loop '{loop.name}' is of type '{loop.kind}'; Gepetto's YAML knows '3d' (spherical) and '6d' (fixed)"
+            )
+        for letter, link, placement in (
+            ("A", loop.link1, loop.placement1),
+            ("B", loop.link2, loop.placement2),
+        ):
+            tree = _with_frame(tree, f"{loop.name}_{letter}", link, placement)
+        pairs.append([f"{loop.name}_A", f"{loop.name}_B"])
+    plain = tuple(
+        replace(joint, kind=JointKind.REVOLUTE) if joint.name in balls else joint for joint in tree.joints
+    )
+    robot = tree_element(replace(tree, joints=plain))
+    write_mimics(robot, mechanism, "gepetto")
+    save(robot, mechanism, path)
+    lists = {
+        "closed_loop": pairs,
+        "type": [kinds[loop.kind] for loop in mechanism.loops],
+        "name_mot": [joint.name for joint in mechanism.joints if joint.independent],
+        "joint_name": balls,
+        "joint_type": ["SPHERICAL"] * len(balls),
+    }
+    # JSON's lists and strings are YAML's, and quoted, so that names like "on" stay names.
+    text = "".join(f"{key}: {json.dumps(value, ensure_ascii=False)}\n" for key, value in lists.items())
+    path.with_suffix(".yaml").write_text(text, encoding="utf-8")
+
+
+def _with_frame(mechanism: Mechanism, name: str, link: str, placement: pin.SE3) -> Mechanism:
+    """Add a link for a frame, unless it is there already."""
+    if any(each.name == name for each in mechanism.links):
+        parent, place = carrier(mechanism, name)
+        if parent == link and np.array_equal(place.homogeneous, placement.homogeneous):
+            return mechanism
+        raise UnsupportedError(f"a link is called '{name}', the name that the loop's frame needs; rename it")
+    if any(joint.name in (name, f"{name}_fixed") for joint in mechanism.joints):
+        raise UnsupportedError(
+            f"a joint is called '{name}' or '{name}_fixed', names that the loop's frame needs"
+        )
+    joint = Joint(f"{name}_fixed", JointKind.FIXED, link, name, placement)
+    return replace(mechanism, links=(*mechanism.links, Link(name)), joints=(*mechanism.joints, joint))
+
+
+DIALECT = Dialect(
+    "gepetto", _TITLE, suffixes=(".yaml", ".yml"), mark="closed_loop", add_side_car=_add, write=write_gepetto
+)

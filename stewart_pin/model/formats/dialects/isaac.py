@@ -1,0 +1,141 @@
+"""Isaac Sim's ``<loop_joint>``, read as its importer, old Drake and a Fusion exporter write it.
+
+Isaac's importer documents one type, ``spherical``, and prints the tag ``link1`` for both ends; ``link2`` is read as
+well. Other types need an ``<axis>``, in frame 1, as old Drake had it. The exporter's form has ``<parent>``,
+``<child>``, a point on each (``<parent_origin>``, ``<child_origin>``) and an axis in the parent; as it says nothing of
+how the child is turned, the two are taken to lie as they do while all joints are at zero, which is the pose the
+exporter saw.
+
+References
+----------
+.. [1] Isaac Sim documentation, "URDF importer extension", loop_joint.
+.. [2] Drake documentation before 2019, RigidBodyTree, RigidBodyLoop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pinocchio as pin
+from lxml import etree
+
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.model.description import AXIS_FREE_LOOPS, JointKind, Loop, Mechanism, Note, Outcome
+from stewart_pin.model.formats.dialect import Dialect, Parts
+from stewart_pin.model.formats.dialects.mimic import write_mimics
+from stewart_pin.model.formats.frames import relative_at_zero
+from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.formats.urdf_writer import pose_attributes, save, tree_element
+from stewart_pin.model.formats.xml import shown_tag
+
+_TYPES = {
+    "spherical": JointKind.SPHERICAL,
+    "ball": JointKind.SPHERICAL,
+    "fixed": JointKind.FIXED,
+    "revolute": JointKind.REVOLUTE,
+    "continuous": JointKind.REVOLUTE,
+    "prismatic": JointKind.PRISMATIC,
+}
+
+
+def _read(reader: UrdfElements, element: etree._Element) -> Parts:
+    name = reader.text(element, "name", "a <loop_joint>")
+    owner = f"loop_joint '{name}'"
+    written = reader.text(element, "type", owner)
+    if written not in _TYPES:
+        raise reader.error(f"{owner} has the type '{written}'; supported: {', '.join(_TYPES)}", owner)
+    kind = _TYPES[written]
+    if element.find("parent") is not None or element.find("child") is not None:
+        return _read_points(reader, element, Loop(name, kind, "", "", pin.SE3.Identity(), pin.SE3.Identity()))
+    reader.only(element, owner, ("name", "type"), ("link1", "link2", "axis", "limit"))
+    # Isaac's documentation prints <link1> twice; the order of the file tells them apart.
+    ends = [end for end in element.iterchildren(etree.Element) if shown_tag(end) in ("link1", "link2")]
+    if len(ends) != 2 or shown_tag(ends[0]) == "link2":
+        raise reader.error(f"{owner} needs a <link1> and a <link2>", owner)
+    for end in ends:
+        reader.only(end, owner, ("link", "xyz", "rpy"))
+    loop = Loop(
+        name,
+        kind,
+        reader.text(ends[0], "link", owner),
+        reader.text(ends[1], "link", owner),
+        reader.pose(ends[0], owner),
+        reader.pose(ends[1], owner),
+        reader.axis(element, owner, "axis", "0 0 1" if kind in AXIS_FREE_LOOPS else ""),
+    )
+    return Parts(loops=(loop,), notes=_limit_note(reader, element, owner))
+
+
+def _read_points(reader: UrdfElements, element: etree._Element, loop: Loop) -> Parts:
+    owner = f"loop_joint '{loop.name}'"
+    known = ("parent", "child", "parent_origin", "child_origin", "axis", "limit")
+    reader.only(element, owner, ("name", "type"), known)
+    link1, link2 = reader.ends(element, owner)
+    origins = [reader.child(element, tag, owner) for tag in ("parent_origin", "child_origin")]
+    for origin in origins:
+        reader.only(origin, owner, ("xyz", "rpy"))
+    axis = reader.optional(element, "axis", owner)
+    if axis is not None and axis.get("frame", "parent") != "parent":
+        raise reader.error(f"{owner}: <axis frame> must be 'parent', got {axis.get('frame')!r}", owner)
+    direction = reader.axis(
+        element, owner, "axis", "0 0 1" if loop.kind in AXIS_FREE_LOOPS else "", ("frame",)
+    )
+    placement1, placement2 = (reader.pose(origin, owner) for origin in origins)
+    loop = replace(
+        loop, link1=link1, link2=link2, placement1=placement1, placement2=placement2,
+        axis=placement1.rotation.T @ direction,
+    )  # fmt: skip
+    notes = _limit_note(reader, element, owner)
+    if loop.kind is JointKind.SPHERICAL or origins[1].get("rpy") is not None:
+        return Parts(loops=(loop,), notes=notes)
+
+    def turned(mechanism: Mechanism) -> Parts:
+        relative = relative_at_zero(mechanism, link1, link2, owner)
+        turned_child = pin.SE3(relative.rotation.T @ placement1.rotation, placement2.translation)
+        text = "the child's frame is turned as the parent's while all joints are at zero"
+        note = Note(f"loop '{loop.name}'", text, Outcome.CHANGED)
+        return Parts(loops=(replace(loop, placement2=turned_child),), notes=(note,))
+
+    return Parts(notes=notes, later=turned)
+
+
+def _limit_note(reader: UrdfElements, element: etree._Element, owner: str) -> tuple[Note, ...]:
+    if reader.optional(element, "limit", owner) is None:
+        return ()
+    return (Note(owner, "<limit>: a joint that closes a loop has no coordinate to limit"),)
+
+
+def write_isaac(mechanism: Mechanism, path: Path) -> None:
+    """Write a mechanism as URDF with ``<loop_joint>`` for Isaac Sim, its couplings as ``<mimic>``.
+
+    Parameters
+    ----------
+    mechanism
+        What to write.
+    path
+        File to create or overwrite.
+
+    Raises
+    ------
+    UnsupportedError
+        If a loop is not spherical, the one type that Isaac Sim documents, or a coupling is no ``<mimic>``.
+    """
+    robot = tree_element(mechanism)
+    write_mimics(robot, mechanism, "isaac")
+    for loop in mechanism.loops:
+        if loop.kind is not JointKind.SPHERICAL:
+            raise UnsupportedError(
+                f"loop '{loop.name}' is of type '{loop.kind}'; Isaac Sim knows only spherical loop joints: "
+                "cut the loop at a ball, or hold a hinge by two balls on its axis"
+            )
+        element = etree.SubElement(robot, "loop_joint", name=loop.name, type="spherical")
+        for tag, link, placement in (
+            ("link1", loop.link1, loop.placement1),
+            ("link2", loop.link2, loop.placement2),
+        ):
+            etree.SubElement(element, tag, {"link": link, **pose_attributes(placement)})
+    save(robot, mechanism, path)
+
+
+DIALECT = Dialect("isaac", "Isaac <loop_joint>", {"robot/loop_joint": _read}, write=write_isaac)

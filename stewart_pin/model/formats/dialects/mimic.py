@@ -1,0 +1,71 @@
+"""URDF's ``<mimic>``: one joint stands at ``multiplier`` times the position of another, plus ``offset``.
+
+What has another name than ``<joint>_mimic`` keeps it in an attribute ``name``, which other readers pass over.
+
+References
+----------
+.. [1] ROS wiki, "urdf/XML/joint", mimic.
+"""
+
+from __future__ import annotations
+
+from lxml import etree
+
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.model.description import Coupling, Mechanism
+from stewart_pin.model.formats.dialect import Dialect, Parts
+from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.formats.xml import number_text
+
+
+def _read(reader: UrdfElements, element: etree._Element) -> Parts:
+    parent = element.getparent()
+    joint = "" if parent is None else parent.get("name", "")
+    owner = f"joint '{joint}'"
+    reader.only(element, owner, ("joint", "multiplier", "offset", "name"))
+    multiplier = float(reader.numbers(element, "multiplier", 1, owner, default="1")[0])
+    offset = float(reader.numbers(element, "offset", 1, owner, default="0")[0])
+    name = element.get("name") or f"{joint}_mimic"
+    return Parts(
+        couplings=(Coupling(name, joint, reader.text(element, "joint", owner), (offset, multiplier)),)
+    )
+
+
+def write_mimics(robot: etree._Element, mechanism: Mechanism, format: str) -> None:
+    """Write the couplings of a mechanism into its joints.
+
+    Parameters
+    ----------
+    robot
+        The ``<robot>``, with its joints.
+    mechanism
+        What it describes.
+    format
+        Named in the message.
+
+    Raises
+    ------
+    UnsupportedError
+        If a coupling is not linear, holds a joint still, or is the second of its joint.
+    """
+    joints = {element.get("name"): element for element in robot.iter("joint", "{*}joint")}
+    for coupling in mechanism.couplings:
+        joint = joints[coupling.joint1]
+        offset, multiplier, *higher = (*coupling.polynomial, 0.0, 0.0)
+        fault = ""
+        if coupling.joint2 is None:
+            fault = "holds a joint still: make the joint fixed"
+        elif any(higher):
+            fault = "is not linear"
+        elif joint.find("mimic") is not None:
+            fault = f"is the second that joint '{coupling.joint1}' follows: write the other joint of one of them first"
+        if fault:
+            raise UnsupportedError(
+                f"coupling '{coupling.name}' {fault}; format '{format}' knows only <mimic>"
+            )
+        named = {} if coupling.name == f"{coupling.joint1}_mimic" else {"name": coupling.name}
+        values = {"multiplier": number_text([multiplier]), "offset": number_text([offset])}
+        etree.SubElement(joint, "mimic", {"joint": str(coupling.joint2), **values, **named})
+
+
+DIALECT = Dialect("mimic", "<mimic>", {"joint/mimic": _read, "drake:joint/mimic": _read})
