@@ -45,7 +45,7 @@ CONTENTS = {
     "too deep": (b"<robot>" + b"<a>" * 5000, "not well-formed XML"),
     "zero byte": (b'<robot name="a\0b"/>', "not well-formed XML"),
     "binary": (bytes(range(128, 256)), "not text in the encoding utf-8"),
-    "another root": (b"<sdf/>", "the root element is <sdf>"),
+    "another root": (b"<html/>", "the root element is <html>"),
     "empty robot": (b"<robot/>", "has no <link>"),
     "utf-7": (b'<?xml version="1.0" encoding="UTF-7"?>+ADw-robot/+AD4-', "encoding 'UTF-7' is refused"),
     "ebcdic": ('<?xml version="1.0"?><robot/>'.encode("cp037"), "not text in the encoding utf-8"),
