@@ -39,7 +39,7 @@ def read_lists(path: Path) -> dict[str, list[str | Names]]:
     try:
         import yaml  # noqa: PLC0415
     except ImportError:
-        raise MissingExtraError("PyYAML", "yaml") from None
+        raise MissingExtraError("pyyaml", "yaml") from None
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (FileNotFoundError, NotADirectoryError):
