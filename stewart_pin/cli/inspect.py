@@ -11,14 +11,17 @@ from rich.table import Table
 
 from stewart_pin.building.loading import load
 from stewart_pin.cli.output import console, write_json
-from stewart_pin.mechanics.mobility import mobility
+from stewart_pin.mechanics.mobility import SAMPLES, Mobility, mobility
+
+_SHOWN = 12
+"""Most sets of spare motors in the table; the file has all that were found."""
 
 
 def inspect(
     file: Annotated[str, typer.Argument(help="Bundled robot or file.")],
     loops: Annotated[Path | None, typer.Option(help="File beside a URDF that declares its loops.")] = None,
     motors: Annotated[
-        str | None, typer.Option(help="Names of the motor joints, separated by commas.")
+        str | None, typer.Option(help="Motor joints, separated by commas; default: those of the file.")
     ] = None,
     platform: Annotated[str | None, typer.Option(help="Name of the platform link.")] = None,
     json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
@@ -35,11 +38,49 @@ def inspect(
     table.add_row(
         "loops", "\n".join(f"{x.name}: {x.kind}, {x.link1} to {x.link2}" for x in chain.loops) or "none"
     )
-    table.add_row("degrees of freedom", str(report.dof))
+    if chain.couplings:
+        table.add_row("couplings", "\n".join(x.name for x in chain.couplings))
+    table.add_row("degrees of freedom", f"{report.dof}, {_seen(report)}")
+    table.add_row("home singular", _home(report))
     table.add_row("idle freedoms", "\n".join(report.idle) or "none")
     table.add_row("redundant loop rows", ", ".join(report.redundant) or "none")
-    table.add_row("motors sufficient", "yes" if report.motors_sufficient else f"no, {report.lost} left over")
+    table.add_row("motors sufficient", _verdict(report))
+    if not report.motors_sufficient:
+        table.add_row("joints left free", ", ".join(report.free_joints))
+        table.add_row("motors that would do", ", ".join(report.suggestion) or "none of one freedom")
+    if report.surplus_motors:
+        sets = report.spare_motors
+        listed = "; ".join(", ".join(names) for names in sets[:_SHOWN])
+        table.add_row(
+            "could be left out", listed + (f"; and {len(sets) - _SHOWN} more" if len(sets) > _SHOWN else "")
+        )
     table.add_row("file", str(chain.report))
     console.print(table)
     notes = [asdict(note) for note in chain.mechanism.notes]
     write_json(json, {"robot": chain.name, **sizes, "mobility": asdict(report), "notes": notes})
+
+
+def _seen(report: Mobility) -> str:
+    """Say at how many configurations the freedoms were counted, and where they differ."""
+    count = len(report.dof_samples)
+    if not count:
+        return f"at home only: none of {SAMPLES} random configurations near it closed"
+    if {*report.dof_samples, report.dof_home} == {report.dof}:
+        return f"at home and at {count} of {SAMPLES} random configurations near it"
+    return (
+        f"the least of home ({report.dof_home}) and {count} of {SAMPLES} random configurations near it "
+        f"({', '.join(map(str, report.dof_samples))})"
+    )
+
+
+def _home(report: Mobility) -> str:
+    if not report.dof_samples:
+        return "not known"
+    return "yes: it moves, or is held, otherwise than nearby" if report.home_singular else "no"
+
+
+def _verdict(report: Mobility) -> str:
+    if report.motors_sufficient:
+        spare = f", {report.surplus_motors} to spare" if report.surplus_motors else ""
+        return f"yes{spare}"
+    return f"no, {report.verdict}: {report.lost} freedom(s) left over"

@@ -8,13 +8,15 @@ import numpy as np
 import pinocchio as pin
 import scipy.linalg
 
-from stewart_pin.closure.equations import loop_jacobian
+from stewart_pin.closure.equations import loop_jacobian, row_sizes
 from stewart_pin.closure.newton import close_loops
 from stewart_pin.mechanics.freedom import Freedom, analyse_freedom
+from stewart_pin.mechanics.motor_sets import analyse_motors
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray
 
-_SAMPLES = 4
+SAMPLES = 4
+"""Random configurations that are tried."""
 _SPREAD = 0.1
 """How far from home the samples are drawn, in robot sizes and radians."""
 _REST = 1e-8
@@ -23,7 +25,10 @@ _REST = 1e-8
 
 @dataclass(frozen=True)
 class Mobility:
-    """Freedoms of a mechanism.
+    """Freedoms of a mechanism, what its loops repeat, and what its motors are good for.
+
+    The numbers are those of a generic configuration among home and the random ones near it that closed: the one with
+    the fewest freedoms.
 
     Attributes
     ----------
@@ -32,15 +37,30 @@ class Mobility:
     idle
         One readable name per idle freedom: a motion that moves neither motors nor platform.
     redundant_rows
-        Number of loop equations that follow from the others.
+        Number of equations of loops and couplings that follow from the others.
     motors_sufficient
         Whether the motors hold everything but the idle freedoms.
     redundant
-        Names of loop rows that follow from the ones before them.
+        Names of as many rows that follow from the others; which ones is a choice.
     lost
         Number of motions of the platform that locked motors leave.
     home_singular
-        Whether home has more freedoms, or holds less, than nearby configurations.
+        Whether home has more freedoms, or holds less, than the random configurations; False where none closed.
+    dof_home
+        Number of motions at home.
+    dof_samples
+        Number of motions at each random configuration that closed; empty where none did, and all is said of home.
+    surplus_motors
+        Number of motors beyond those that move independently of each other.
+    spare_motors
+        Sets of as many motors that could be left out together, at most 64 of them.
+    free_joints
+        Joints that take part in motions of the platform with all motors locked.
+    suggestion
+        Motors that hold the robot: the given ones where they do; empty where no joints with one freedom can.
+    verdict
+        The motors in a word: ``"sufficient"``, ``"redundant"`` where they hold the robot with some to spare,
+        ``"wrongly chosen"`` where the suggestion needs no more of them, or else ``"too few"``.
     """
 
     dof: int
@@ -50,6 +70,13 @@ class Mobility:
     redundant: tuple[str, ...]
     lost: int
     home_singular: bool
+    dof_home: int
+    dof_samples: tuple[int, ...]
+    surplus_motors: int
+    spare_motors: tuple[tuple[str, ...], ...]
+    free_joints: tuple[str, ...]
+    suggestion: tuple[str, ...]
+    verdict: str
 
 
 def mobility(chain: ClosedChain) -> Mobility:
@@ -63,37 +90,60 @@ def mobility(chain: ClosedChain) -> Mobility:
     Returns
     -------
     Mobility
-        The generic numbers; ``home_singular`` tells when home differs.
+        The generic numbers; ``home_singular`` tells when home differs, ``dof_samples`` what was seen elsewhere.
+
+    Examples
+    --------
+    >>> import stewart_pin as stp
+    >>> found = stp.mobility(stp.load("five_bar", motors=["left_hip"]))
+    >>> found.dof, found.verdict, found.free_joints, found.suggestion
+    (2, 'too few', ('left_knee', 'right_hip', 'right_knee'), ('left_hip', 'right_hip'))
     """
     home = analyse_freedom(chain, chain.q_home)
-    candidates = [(chain.q_home, home)]
-    rng = np.random.default_rng(0)
-    for _ in range(_SAMPLES):
-        nearby = pin.integrate(
-            chain.model, chain.q_home, rng.uniform(-_SPREAD, _SPREAD, chain.nv) * chain.tangent_scale
-        )
-        closure = close_loops(chain, nearby, throw=False)
-        if closure.success:
-            candidates.append((closure.q, analyse_freedom(chain, closure.q)))
-    # A generic configuration has the fewest freedoms, and among these the fewest lost ones.
-    q, generic = min(candidates, key=lambda c: (c[1].motions.shape[1], c[1].lost.shape[1]))
+    samples = [(q, analyse_freedom(chain, q)) for q in _nearby(chain)]
+    # A generic configuration has the fewest freedoms, and among these the fewest lost ones; home is often symmetric.
+    q, generic = min(
+        [*samples, (chain.q_home, home)], key=lambda c: (c[1].motions.shape[1], c[1].lost.shape[1])
+    )
+    dof, lost = generic.motions.shape[1], generic.lost.shape[1]
+    motors = analyse_motors(chain, q, generic)
+    verdict = "redundant" if motors.surplus else "sufficient"
+    if lost:
+        verdict = "wrongly chosen" if 0 < len(motors.suggestion) <= chain.nu else "too few"
     return Mobility(
-        dof=generic.motions.shape[1],
+        dof=dof,
         idle=_idle_names(chain, q, generic),
         redundant_rows=chain.nc - generic.rank,
-        motors_sufficient=generic.lost.shape[1] == 0,
+        motors_sufficient=lost == 0,
         redundant=_redundant_rows(chain, q, generic.rank),
-        lost=generic.lost.shape[1],
-        home_singular=(home.motions.shape[1], home.lost.shape[1])
-        != (generic.motions.shape[1], generic.lost.shape[1]),
+        lost=lost,
+        home_singular=(home.motions.shape[1], home.lost.shape[1]) != (dof, lost),
+        dof_home=home.motions.shape[1],
+        dof_samples=tuple(freedom.motions.shape[1] for _, freedom in samples),
+        surplus_motors=motors.surplus,
+        spare_motors=motors.spare,
+        free_joints=motors.free_joints,
+        suggestion=motors.suggestion,
+        verdict=verdict,
     )
+
+
+def _nearby(chain: ClosedChain) -> list[Configuration]:
+    """Random closed configurations; those that do not close are left out."""
+    rng, found = np.random.default_rng(0), []
+    for _ in range(SAMPLES):
+        step = rng.uniform(-_SPREAD, _SPREAD, chain.nv) * chain.tangent_scale
+        closure = close_loops(chain, pin.integrate(chain.model, chain.q_home, step), throw=False)
+        if closure.success:
+            found.append(closure.q)
+    return found
 
 
 def _redundant_rows(chain: ClosedChain, q: Configuration, rank: int) -> tuple[str, ...]:
     if rank == chain.nc:
         return ()
     # Pivoted QR of the transpose picks `rank` independent rows; the others follow from them.
-    rows = loop_jacobian(chain, q) * chain.tangent_scale
+    rows = loop_jacobian(chain, q) * chain.tangent_scale / row_sizes(chain)[:, None]
     pivots = np.asarray(scipy.linalg.qr(rows.T, pivoting=True)[-1])
     return tuple(chain.loop_table.names[k] for k in sorted(pivots[rank:]))
 

@@ -53,6 +53,7 @@ def test_inspect_tells_the_mobility(tmp_path: Path) -> None:
     answer = run("inspect", "stewart_sps", "--json", str(figures))
     assert answer.returncode == 0, answer.stderr
     assert "leg 3: spin about its axis" in answer.stdout
+    assert "12, at home and at 4 of 4 random" in answer.stdout
     assert json.loads(figures.read_text())["mobility"]["dof"] == 12
 
 
@@ -68,6 +69,14 @@ def test_inspect_tells_what_was_made_of_a_file(tmp_path: Path) -> None:
     )["notes"]
 
 
+def test_inspect_judges_other_motors() -> None:
+    few = run("inspect", "five_bar", "--motors", "left_hip").stdout
+    assert "no, too few: 1 freedom(s) left over" in few and "left_knee, right_hip, right_knee" in few
+    assert "left_hip, right_hip" in few
+    many = run("inspect", "five_bar", "--motors", "left_hip, right_hip, left_knee").stdout
+    assert "yes, 1 to spare" in many and "left_hip; right_hip; left_knee" in many
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -78,6 +87,8 @@ def test_inspect_tells_what_was_made_of_a_file(tmp_path: Path) -> None:
         (("compare", "--duration", "-1"), "duration must be"),
         (("compare", "--amplitude", "3"), "out of reach"),
         (("inspect", "nowhere.urdf"), "no such file"),
+        (("inspect", "five_bar", "--motors", "hip"), "motors name the joint 'hip'"),
+        (("inspect", "five_bar", "--platform", "hip"), "no moving link 'hip'"),
     ],
 )
 def test_bad_input_ends_in_one_line_and_code_2(arguments, words) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from itertools import combinations
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -81,3 +84,107 @@ def test_names_do_not_depend_on_the_unit_of_length(rng: np.random.Generator) -> 
     for kind in (JointKind.CYLINDRICAL, JointKind.PLANAR, JointKind.DISTANCE):
         chain = two_bodies(kind, rng)
         assert stp.mobility(in_other_unit(chain, 1e3)) == stp.mobility(chain)
+
+
+def test_configurations_are_counted() -> None:
+    found = stp.mobility(robot("delta"))
+    assert (found.dof_home, found.dof_samples) == (9, (9, 9, 9, 9))
+    # A parallelogram folded flat: two motions at home, one wherever else it closes.
+    chain = four_bar(lengths=(0.3, 0.9, 0.3), ground=0.9)
+    flat = replace(chain, q_home=np.zeros(3))
+    found = stp.mobility(flat)
+    assert (found.dof, found.dof_home, found.home_singular) == (1, 2, True)
+    assert len(found.dof_samples) >= 2 and set(found.dof_samples) == {1}
+
+
+def test_where_nothing_else_closes_home_is_all_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    def open_loops(chain, q, **_):
+        return stp.Closure(q, 1.0, 100, success=False)
+
+    monkeypatch.setattr("stewart_pin.mechanics.mobility.close_loops", open_loops)
+    found = stp.mobility(robot("stewart"))
+    assert (found.dof, found.dof_samples, found.home_singular) == (6, (), False)
+
+
+def with_motors(name: str, *motors: str) -> stp.ClosedChain:
+    return replace(robot(name), motors=motors)
+
+
+LEGS = tuple(f"leg{k}" for k in range(1, 7))
+CRANKS = tuple(f"motor{k}" for k in range(1, 7))
+
+
+@pytest.mark.parametrize(
+    ("name", "motors", "verdict", "suggestion"),
+    [
+        ("five_bar", ("left_hip", "right_hip"), "sufficient", ("left_hip", "right_hip")),
+        ("five_bar", ("left_hip",), "too few", ("left_hip", "right_hip")),
+        ("five_bar", ("right_knee",), "too few", ("right_knee", "left_knee")),
+        ("four_bar", (), "too few", ("crank_pin",)),
+        ("rpr_planar", ("leg1", "leg1_hinge", "leg3"), "sufficient", ("leg1", "leg1_hinge", "leg3")),
+        ("stewart", LEGS[:4], "too few", LEGS),
+        ("stewart", LEGS[3:], "too few", (*LEGS[3:], *LEGS[:3])),
+        ("delta", ("rod1a_spin", "motor1", "motor3"), "wrongly chosen", ("motor1", "motor3", "motor2")),
+        ("hexapod_rss", ("rod2_spin", *CRANKS[:5]), "wrongly chosen", CRANKS),
+        ("arm_7r", ("joint3",), "too few", tuple(f"joint{k}" for k in (3, 1, 2, 4, 5, 6, 7))),
+    ],
+)
+def test_motors_that_fail_and_ones_that_do(
+    name: str, motors: tuple[str, ...], verdict: str, suggestion: tuple[str, ...]
+) -> None:
+    found = stp.mobility(with_motors(name, *motors))
+    assert (found.verdict, found.motors_sufficient) == (verdict, verdict == "sufficient")
+    assert found.suggestion == suggestion
+    assert stp.mobility(with_motors(name, *found.suggestion)).verdict == "sufficient"
+
+
+@pytest.mark.parametrize("name", stp.robots())
+def test_any_part_of_the_motors_leads_to_motors_that_hold(name: str, rng: np.random.Generator) -> None:
+    """Whatever joints are chosen, the suggestion holds the robot, without a motor to spare."""
+    candidates = [joint.name for joint in robot(name).mechanism.joints if joint.has_axis]
+    for size in (0, 1, robot(name).nu):
+        motors = tuple(str(motor) for motor in rng.choice(candidates, size, replace=False))
+        found = stp.mobility(with_motors(name, *motors))
+        assert stp.mobility(with_motors(name, *found.suggestion)).motors_sufficient
+        if not found.motors_sufficient:
+            shorter = [found.suggestion[:k] + found.suggestion[k + 1 :] for k in range(len(found.suggestion))]
+            assert not any(stp.mobility(with_motors(name, *fewer)).motors_sufficient for fewer in shorter)
+
+
+def test_joints_left_free_are_those_that_move() -> None:
+    """Lock one hip of a five-bar: its knee and the other arm still move, the hip does not."""
+    assert stp.mobility(with_motors("five_bar", "left_hip")).free_joints == (
+        "left_knee",
+        "right_hip",
+        "right_knee",
+    )
+    # With crank 3 unlocked the Delta moves along one line, all its rods but no crank other than the third.
+    free = stp.mobility(with_motors("delta", "motor1", "motor2")).free_joints
+    assert "motor3" in free and not {"motor1", "motor2"} & set(free)
+    assert "platform_pose" in free and not any(name.endswith("_spin") for name in free)
+    assert stp.mobility(robot("delta")).free_joints == ()
+
+
+def test_spare_motors_come_in_sets() -> None:
+    found = stp.mobility(with_motors("five_bar", "left_hip", "right_hip", "left_knee", "right_knee"))
+    assert (found.verdict, found.surplus_motors) == ("redundant", 2)
+    hips_and_knees = ("left_hip", "right_hip", "left_knee", "right_knee")
+    assert found.spare_motors == tuple(combinations(hips_and_knees, 2))
+    # Leg 1 and a swing of leg 2 fight through the platform; the spin of a rod fights nobody.
+    found = stp.mobility(with_motors("delta", "motor1", "motor2", "motor3", "rod1a_spin", "rod3b_x"))
+    assert found.surplus_motors == 1
+    assert all("rod1a_spin" not in motors for motors in found.spare_motors)
+    assert {motor for motors in found.spare_motors for motor in motors} == {
+        "motor1",
+        "motor2",
+        "motor3",
+        "rod3b_x",
+    }
+    many = stp.mobility(with_motors("arm_7r", *[f"joint{k}" for k in range(1, 8)]))
+    assert (many.surplus_motors, many.spare_motors) == (0, ())
+
+
+def test_a_free_body_without_joints_has_no_motors_that_hold_it(rng: np.random.Generator) -> None:
+    chain = replace(two_bodies(JointKind.DISTANCE, rng), platform="free")
+    found = stp.mobility(chain)
+    assert (found.suggestion, found.verdict, found.motors_sufficient) == ((), "too few", False)

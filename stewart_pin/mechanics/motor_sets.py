@@ -1,0 +1,158 @@
+"""Which motors hold a robot: how many are to spare, which joints they leave free, and which set would do.
+
+A set of motors holds the robot when every motion that is left with the motors locked leaves the platform at rest. All
+matrices see lengths in robot sizes, so that the unit of length decides nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations, islice
+
+import numpy as np
+
+from stewart_pin.closure.newton import RANK
+from stewart_pin.mechanics.freedom import Freedom, null_space
+from stewart_pin.mechanics.platform import motion_matrix
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.description import JointKind
+from stewart_pin.typing import Configuration, FloatArray
+
+_TAKES_PART = 1e-8
+"""Share of a motion, of norm one, below which a joint or the platform does not take part: round-off of null spaces."""
+_WORTH_IT = 0.1
+"""Share of the best joint's part in a motion above which a joint like the given motors is preferred to it."""
+_MOST_SETS = 64
+"""Most sets of spare motors that are listed."""
+_MOST_TRIALS = 2000
+"""Most combinations of motors that are tried for the list."""
+
+
+@dataclass(frozen=True)
+class MotorSets:
+    """What the motors of a chain are good for, at one configuration.
+
+    Attributes
+    ----------
+    surplus
+        Number of motors beyond those that move independently of each other.
+    spare
+        Sets of as many motors that could be left out together without losing a freedom, at most 64 of them.
+    free_joints
+        Joints that take part in motions of the platform with all motors locked.
+    suggestion
+        A set of motors that holds the robot: the given one where it does; otherwise those of its motors that help, and
+        the joints that hold best what they leave, joints like the motors first. Empty where no set of joints with one
+        freedom holds it.
+    """
+
+    surplus: int
+    spare: tuple[tuple[str, ...], ...]
+    free_joints: tuple[str, ...]
+    suggestion: tuple[str, ...]
+
+
+def analyse_motors(chain: ClosedChain, q: Configuration, freedom: Freedom) -> MotorSets:
+    """Judge the motors of a chain, and find a set that holds the robot.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    freedom
+        Its motions there.
+
+    Returns
+    -------
+    MotorSets
+        Motors to spare, joints left free, and a set that works.
+    """
+    scale = chain.tangent_scale[:, None]
+    motions = freedom.motions / scale
+    share = motions[chain.motor_index]
+    surplus = chain.nu - _rank(share)
+    joints = {name: chain.model.joints[chain.model.getJointId(name)] for name in chain.model.names[1:]}
+    moving = np.linalg.norm(freedom.lost / scale, axis=1) > _TAKES_PART
+    free = tuple(name for name, j in joints.items() if moving[j.idx_v : j.idx_v + j.nv].any())
+    suggestion = chain.motors
+    if freedom.lost.shape[1]:
+        sizes = np.array([chain.length_scale] * 3 + [1.0] * 3)[:, None]
+        platform = motion_matrix(chain, q)[chain.nc :] / sizes @ freedom.motions
+        rows = {
+            joint.name: motions[joints[joint.name].idx_v]
+            for joint in chain.mechanism.joints
+            if joint.has_axis and joint.name in joints
+        }
+        suggestion = _suggest(rows, platform, chain.motors, _alike(chain, rows))
+    return MotorSets(surplus, _spare(chain.motors, share, surplus), free, suggestion)
+
+
+def _rank(share: FloatArray) -> int:
+    s = np.linalg.svd(share, compute_uv=False)
+    # As in `analyse_freedom`: rows of orthonormal motions are at most one.
+    return int(np.count_nonzero(s > RANK * max(1.0, s[0]))) if s.size else 0
+
+
+def _spare(motors: Sequence[str], share: FloatArray, surplus: int) -> tuple[tuple[str, ...], ...]:
+    """List the sets of `surplus` motors without which the rank is the same."""
+    if not surplus:
+        return ()
+    rank = len(motors) - surplus
+    trials = islice(combinations(range(len(motors)), surplus), _MOST_TRIALS)
+    sets = (out for out in trials if _rank(np.delete(share, out, axis=0)) == rank)
+    return tuple(tuple(motors[k] for k in out) for out in islice(sets, _MOST_SETS))
+
+
+def _alike(chain: ClosedChain, names: Iterable[str]) -> set[str]:
+    """Joints of the kind of a motor, as many joints from the ground: where a builder would put another one."""
+    model = chain.model
+
+    def role(name: str) -> tuple[JointKind, int]:
+        depth, joint = 0, model.getJointId(name)
+        while joint:
+            depth, joint = depth + 1, model.parents[joint]
+        return chain.mechanism.joint(name).kind, depth
+
+    roles = {role(motor) for motor in chain.motors}
+    return {name for name in names if role(name) in roles}
+
+
+def _suggest(
+    rows: Mapping[str, FloatArray], platform: FloatArray, given: Sequence[str], alike: set[str]
+) -> tuple[str, ...]:
+    """Keep what helps of the given motors, then add the joint that takes most part in what is left, and so on."""
+    chosen: list[str] = []
+    for name in given:
+        if np.linalg.norm(rows[name] @ _left(rows, chosen, platform)) > _TAKES_PART:
+            chosen.append(name)
+    while True:
+        space = _left(rows, chosen, platform)
+        _, s, vt = np.linalg.svd(platform @ space)
+        lost = space @ vt[: np.count_nonzero(s > _TAKES_PART)].T
+        if not lost.shape[1]:
+            break
+        strength = {name: float(np.linalg.norm(row @ lost)) for name, row in rows.items()}
+        best = max(strength.values(), default=0.0)
+        if best <= _TAKES_PART:
+            return ()
+        usual = max((strength[name] for name in alike), default=0.0)
+        pool = alike if usual > _WORTH_IT * best else set(rows)
+        # Of joints that are equally good the first in the file, whatever the round-off.
+        enough = (1 - 1e-6) * (usual if pool is alike else best)
+        chosen.append(next(name for name, value in strength.items() if name in pool and value >= enough))
+    for name in reversed(chosen.copy()):
+        others = [other for other in chosen if other != name]
+        if np.linalg.norm(platform @ _left(rows, others, platform)) <= _TAKES_PART:
+            chosen = others
+    added = [name for name in rows if name in chosen and name not in given]
+    return (*(name for name in given if name in chosen), *added)
+
+
+def _left(rows: Mapping[str, FloatArray], locked: Sequence[str], platform: FloatArray) -> FloatArray:
+    """Orthonormal basis of the motions that locked joints leave, in coordinates of the free ones."""
+    if not locked:
+        return np.eye(platform.shape[1])
+    return null_space(np.array([rows[name] for name in locked]))[0]
