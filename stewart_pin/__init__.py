@@ -72,6 +72,9 @@ from stewart_pin.geometry.serial_velocities import LinkVelocities as LinkVelocit
 from stewart_pin.geometry.serial_velocities import spatial_arm_jacobian as spatial_arm_jacobian
 from stewart_pin.geometry.serial_velocities import spatial_arm_velocities as spatial_arm_velocities
 from stewart_pin.kernels.array_kernel import ArrayKernel as ArrayKernel
+from stewart_pin.kernels.compile import KernelReport as KernelReport
+from stewart_pin.kernels.compile import Kernels as Kernels
+from stewart_pin.kernels.compile import compile_kernels as compile_kernels
 from stewart_pin.kernels.compile_function import compile_function as compile_function
 from stewart_pin.kernels.single_state import SingleState as SingleState
 from stewart_pin.kernels.status import StateBound as StateBound

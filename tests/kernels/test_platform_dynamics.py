@@ -54,7 +54,7 @@ def states(placed: PlacedPlatform, rng: np.random.Generator, count: int = 4):
 
 
 def call(function: ca.Function, *arguments: np.ndarray) -> np.ndarray:
-    return np.array(function(*arguments)).ravel()
+    return np.array(function.call([ca.DM(x) for x in arguments])[0]).ravel()
 
 
 @pytest.mark.parametrize("name", PLATFORMS)

@@ -37,10 +37,14 @@ class LegPositions:
         Placement of every joint.
     values
         ``{joint: position}`` of hinges (cosine and sine, (2, 1)) and slides (1, 1), joints counted from 0.
+    stretched
+        Squared distance over squared length, less 1, of every rod that nothing has been moved to fit: zero at poses
+        that the platform can take.
     """
 
     moved: tuple[JointPlacement, ...]
     values: dict[int, ca.SX]
+    stretched: tuple[ca.SX, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,9 +94,14 @@ def leg_positions(leg: Leg, targets: Sequence[ca.SX]) -> LegPositions:
         moved[stem], values[stem] = solve(leg, stem, pointers[0], points[id(pointers[0].end)])
         turn, shift = moved[stem]
         points = {key: turn.T @ (point - shift) for key, point in points.items()}
-    for pointer in pointers:
-        _point(leg, pointer, points[id(pointer.end)], moved, values)
-    return LegPositions(tuple(moved[k] for k in range(len(leg.joints))), values)
+    stretched: list[ca.SX] = []
+    for k, pointer in enumerate(pointers):
+        target = points[id(pointer.end)]
+        _point(leg, pointer, target, moved, values)
+        if pointer.slide is None and (k or stem is None):
+            arm = target - constant(leg.joints[pointer.turns[0]].translation)
+            stretched.append(ca.dot(arm, arm) / pointer.offset**2 - 1)
+    return LegPositions(tuple(moved[k] for k in range(len(leg.joints))), values, tuple(stretched))
 
 
 def _into(joint: TreeJoint, point: ca.SX) -> ca.SX:

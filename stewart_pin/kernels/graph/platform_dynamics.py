@@ -17,6 +17,7 @@ import numpy as np
 
 from stewart_pin.errors import SingularityError
 from stewart_pin.kernels.elimination import solve_square, solve_symmetric
+from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.legs import (
     LegForces,
     PlacedLeg,
@@ -77,6 +78,31 @@ class PlacedPlatform:
         """
         return at_samples([self.pose], [self.plan.poses], matrix)
 
+    def infeasible(self, *motions: ca.SX) -> dict[str, ca.SX]:
+        """Measure what the platform cannot do of a demand, where there is such a thing.
+
+        Parameters
+        ----------
+        *motions
+            (6, 1) twists or accelerations.
+
+        Returns
+        -------
+        dict
+            ``{"infeasible": (1, 1)}``, relative to 1 and to the demand, or nothing: for platforms with six freedoms
+            on legs with one end each.
+        """
+        left = [ca.fabs(stretch) for leg in self.legs for stretch in leg.positions.stretched]
+        size = constant(np.repeat([self.plan.chain.length_scale, 1.0], 3))
+        if self.plan.twists.shape[1] < 6:
+            twists = self.plan.twists / np.repeat([self.plan.chain.length_scale, 1.0], 3)[:, None]
+            beside = constant(np.eye(6) - twists @ np.linalg.pinv(twists))
+            left += [ca.norm_inf(beside @ (m / size)) / (1 + ca.norm_inf(m / size)) for m in motions]
+        worst = ca.SX(0)
+        for value in left:
+            worst = ca.fmax(worst, value)
+        return {"infeasible": worst} if left else {}
+
     def project(self, wrenches: ca.SX) -> ca.SX:
         """Keep of wrenches what works on the twists that the platform can do.
 
@@ -133,8 +159,9 @@ def inverse_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     Returns
     -------
     casadi.Function
-        ``(pose, twist, acceleration) -> tau_motor``, (7, 1), (6, 1), (6, 1) to (nu, 1). The motion must be one that
-        the platform can do; of another one, the part that it cannot do has no consequence.
+        ``(pose, twist, acceleration) -> tau_motor``, (7, 1), (6, 1), (6, 1) to (nu, 1). Where the platform cannot do
+        every motion there is a second output `infeasible`, the part of the demand that it cannot do, relative to 1 and
+        to the demand; that part has no consequence.
 
     Raises
     ------
@@ -154,7 +181,7 @@ def inverse_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     return shared(
         "inverse_dynamics",
         {"pose": placed.pose, "twist": twist, "acceleration": acceleration},
-        {"tau_motor": tau_motor},
+        {"tau_motor": tau_motor, **placed.infeasible(twist, acceleration)},
     )
 
 
@@ -169,7 +196,7 @@ def forward_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     Returns
     -------
     casadi.Function
-        ``(pose, twist, tau_motor) -> acceleration``, (7, 1), (6, 1), (nu, 1) to (6, 1).
+        ``(pose, twist, tau_motor) -> acceleration``, (7, 1), (6, 1), (nu, 1) to (6, 1), with `infeasible` likewise.
 
     Raises
     ------
@@ -198,7 +225,7 @@ def forward_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     return shared(
         "forward_dynamics",
         {"pose": placed.pose, "twist": twist, "tau_motor": tau_motor},
-        {"acceleration": acceleration},
+        {"acceleration": acceleration, **placed.infeasible(twist)},
     )
 
 
@@ -218,25 +245,6 @@ def motor_columns(placed: PlacedPlatform) -> ca.SX:
     plan, still = placed.plan, ca.SX.zeros(6)
     moving = platform_motion(plan.tree, placed.pose, still, still)
     return _columns(plan, [leg_forces(leg, moving, ca.SX.zeros(leg.leg.nv)) for leg in placed.legs])
-
-
-def shared(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
-    """Make a function, in which equal expressions are computed once.
-
-    Parameters
-    ----------
-    name
-        Of the function.
-    inputs, outputs
-        By name, in order.
-
-    Returns
-    -------
-    casadi.Function
-        The function.
-    """
-    results = ca.cse(list(outputs.values()))
-    return ca.Function(name, list(inputs.values()), results, list(inputs), list(outputs))
 
 
 def _columns(plan: PlatformPlan, forces: list[LegForces]) -> ca.SX:

@@ -15,6 +15,7 @@ import numpy as np
 from stewart_pin.closure.equations import row_sizes
 from stewart_pin.errors import SingularityError
 from stewart_pin.kernels.elimination import Elimination, Pivots, plan_pivots, solve_square, solve_symmetric
+from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.joint_efforts import tree_efforts
 from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, joint_placement, motions, placements
 from stewart_pin.kernels.graph.loop_rows import LoopColumns, loop_bias, loop_columns
@@ -130,12 +131,40 @@ def inverse_dynamics_function(closed: ClosedTree) -> ca.Function:
     ActuationError
         If the motors cannot hold the robot at home.
     """
+    v, a = ca.SX.sym("v", closed.tree.nv), ca.SX.sym("a", closed.tree.nv)
+    tau_motor, lambda_c = tree_inverse_dynamics(closed, v, a)
+    return shared(
+        "inverse_dynamics",
+        {"q": closed.q, "v": v, "a": a},
+        {"tau_motor": tau_motor, "lambda_c": lambda_c},
+    )
+
+
+def tree_inverse_dynamics(closed: ClosedTree, v: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Express motor efforts and loop reactions by a motion.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+    v, a
+        (nv, 1) tangent velocity and acceleration that keep the loops closed.
+
+    Returns
+    -------
+    tau_motor, lambda_c : casadi.SX
+        (nu, 1) and (nc, 1).
+
+    Raises
+    ------
+    ActuationError
+        If the motors cannot hold the robot at home.
+    """
     tree, chain = closed.tree, closed.chain
     require_held(chain, analyse_freedom(chain, chain.q_home))
-    v, a = ca.SX.sym("v", tree.nv), ca.SX.sym("a", tree.nv)
     falling = at_rest(constant(tree.gravity))
     needed = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
-    motors = _motor_columns(tree)
+    motors = motor_columns(tree)
     share = closed.motions.T @ motors
     scale = closed.motion_scale
     values = closed.values(share) * scale[:, None] / chain.tangent_scale[list(tree.motors)]
@@ -150,9 +179,7 @@ def inverse_dynamics_function(closed: ClosedTree) -> ca.Function:
     else:
         found = reduced.back(reduced.forward(load), {})
         tau_motor = ca.vertcat(*(found[k] for k in range(len(tree.motors))))
-    lambda_c = _reactions(closed, needed - motors @ tau_motor)
-    names = ["q", "v", "a"], ["tau_motor", "lambda_c"]
-    return ca.Function("inverse_dynamics", [closed.q, v, a], [tau_motor, lambda_c], *names)
+    return tau_motor, _reactions(closed, needed - motors @ tau_motor)
 
 
 def forward_dynamics_function(closed: ClosedTree) -> ca.Function:
@@ -173,14 +200,42 @@ def forward_dynamics_function(closed: ClosedTree) -> ca.Function:
     SingularityError
         If a motion that motors or platform take part in has no inertia.
     """
+    v, tau_motor = ca.SX.sym("v", closed.tree.nv), ca.SX.sym("tau_motor", len(closed.tree.motors))
+    a, lambda_c = tree_forward_dynamics(closed, v, tau_motor)
+    return shared(
+        "forward_dynamics",
+        {"q": closed.q, "v": v, "tau_motor": tau_motor},
+        {"a": a, "lambda_c": lambda_c},
+    )
+
+
+def tree_forward_dynamics(closed: ClosedTree, v: ca.SX, tau_motor: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Express acceleration and loop reactions by a velocity and motor efforts.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+    v
+        (nv, 1) tangent velocity that keeps the loops closed.
+    tau_motor
+        (nu, 1) motor efforts.
+
+    Returns
+    -------
+    a, lambda_c : casadi.SX
+        (nv, 1) and (nc, 1).
+
+    Raises
+    ------
+    SingularityError
+        If a motion that motors or platform take part in has no inertia.
+    """
     tree, chain = closed.tree, closed.chain
-    v, tau_motor = ca.SX.sym("v", tree.nv), ca.SX.sym("tau_motor", len(tree.motors))
-    still = ca.SX.zeros(tree.nv)
-    falling, floating = at_rest(constant(tree.gravity)), at_rest(ca.SX.zeros(3))
-    drifting = motions(tree.joints, closed.at, v, still, floating)
-    a = closed.reduced.transposed(-loop_bias(tree, closed.at, drifting, closed.columns))
+    a = closed.reduced.transposed(-tree_bias(closed, v))
+    falling = at_rest(constant(tree.gravity))
     needed = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
-    left = needed - _motor_columns(tree) @ tau_motor
+    left = needed - motor_columns(tree) @ tau_motor
     moved = inertia_times(closed, closed.motions)
     inertia = closed.motions.T @ moved
     scale = closed.motion_scale
@@ -189,9 +244,27 @@ def forward_dynamics_function(closed: ClosedTree) -> ca.Function:
     _require_idle(chain, closed, weightless)
     step = ca.vertcat(*steps) if steps else ca.SX(0, 1)
     a = a + closed.motions @ step
-    lambda_c = _reactions(closed, left + moved @ step)
-    names = ["q", "v", "tau_motor"], ["a", "lambda_c"]
-    return ca.Function("forward_dynamics", [closed.q, v, tau_motor], [a, lambda_c], *names)
+    return a, _reactions(closed, left + moved @ step)
+
+
+def tree_bias(closed: ClosedTree, v: ca.SX) -> ca.SX:
+    """Express the bias of the loop rows by a velocity.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+    v
+        (nv, 1) tangent velocity.
+
+    Returns
+    -------
+    casadi.SX
+        (nc, 1) of the rows as they are turned.
+    """
+    joints, still = closed.tree.joints, ca.SX.zeros(closed.tree.nv)
+    drifting = motions(joints, closed.at, v, still, at_rest(ca.SX.zeros(3)))
+    return loop_bias(closed.tree, closed.at, drifting, closed.columns)
 
 
 def inertia_times(closed: ClosedTree, directions: ca.SX) -> ca.SX:
@@ -217,7 +290,19 @@ def inertia_times(closed: ClosedTree, directions: ca.SX) -> ca.SX:
     return ca.horzcat(*columns) if columns else ca.SX(closed.tree.nv, 0)
 
 
-def _motor_columns(tree: Tree) -> ca.SX:
+def motor_columns(tree: Tree) -> ca.SX:
+    """Build the columns with which motor efforts enter the joint efforts.
+
+    Parameters
+    ----------
+    tree
+        Constants.
+
+    Returns
+    -------
+    casadi.SX
+        (nv, nu) Sᵀ.
+    """
     columns = ca.SX(tree.nv, len(tree.motors))
     for k, index in enumerate(tree.motors):
         columns[index, k] = 1

@@ -1,0 +1,131 @@
+"""CasADi functions of a chain by name, each written when it is asked for.
+
+Two ways lead from the platform's motion to the motors. Where the chain comes apart into legs with closed forms, the
+functions take the pose itself. Elsewhere, and from motor coordinates, they take the configuration, which Newton steps
+find first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import casadi as ca
+
+from stewart_pin.errors import InputError, UnsupportedError
+from stewart_pin.kernels.graph import driven_tree, platform_dynamics, platform_kinematics, whole_tree
+from stewart_pin.kernels.graph.driven_tree import Coordinates, DrivenTree
+from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
+from stewart_pin.kernels.graph.whole_tree import ClosedTree
+from stewart_pin.kernels.plan import plan_platform
+from stewart_pin.model.chain import ClosedChain
+
+_LEGS: dict[str, Callable[[PlacedPlatform], ca.Function]] = {
+    "inverse_dynamics": platform_dynamics.inverse_dynamics_function,
+    "forward_dynamics": platform_dynamics.forward_dynamics_function,
+    "inverse_kinematics": platform_kinematics.inverse_kinematics_function,
+    "motor_jacobian": platform_kinematics.motor_jacobian_function,
+    "forward_kinematics_step": platform_kinematics.newton_step_function,
+}
+_DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
+    "inverse_dynamics": driven_tree.driven_inverse_dynamics,
+    "forward_dynamics": driven_tree.driven_forward_dynamics,
+    "motor_jacobian": driven_tree.driven_motor_jacobian,
+    "closing_step": driven_tree.closing_step_function,
+}
+_TREE: dict[str, Callable[[ClosedTree], ca.Function]] = {
+    "tree_inverse_dynamics": whole_tree.inverse_dynamics_function,
+    "tree_forward_dynamics": whole_tree.forward_dynamics_function,
+    "platform_pose": driven_tree.platform_pose_function,
+}
+
+
+class FunctionSet:
+    """Functions of a chain.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    coordinates
+        ``"platform"`` or ``"motor"``.
+
+    Raises
+    ------
+    UnsupportedError
+        If the coordinates do not determine the chain's motion, or a joint or closure has no graph.
+    """
+
+    def __init__(self, chain: ClosedChain, coordinates: Coordinates) -> None:
+        self.chain = chain
+        self.coordinates: Coordinates = coordinates
+        self.placed: PlacedPlatform | None = None
+        self.why_whole_tree = "motor coordinates"
+        if coordinates == "platform":
+            try:
+                self.placed = platform_dynamics.place_platform(plan_platform(chain))
+                self.why_whole_tree = ""
+            except UnsupportedError as reason:
+                self.why_whole_tree = str(reason)
+        if self.placed is None:
+            self.freedoms = self.driven.determined
+        else:
+            self.freedoms = self.placed.plan.twists.shape[1]
+
+    @cached_property
+    def closed(self) -> ClosedTree:
+        """The whole tree with its loop rows eliminated."""
+        return whole_tree.close_tree(self.chain)
+
+    @cached_property
+    def driven(self) -> DrivenTree:
+        """The whole tree, driven by the coordinates."""
+        return driven_tree.drive_tree(self.closed, self.coordinates)
+
+    @cached_property
+    def motor_driven(self) -> DrivenTree:
+        """The whole tree, driven by its motors."""
+        return self.driven if self.coordinates == "motor" else driven_tree.drive_tree(self.closed, "motor")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the functions."""
+        own = tuple(_LEGS) if self.placed is not None else (*_DRIVEN, "motor_closing_step")
+        if self.coordinates == "motor":
+            own = tuple(name for name in own if name != "motor_jacobian")
+        return (*own, *_TREE)
+
+    @property
+    def pivot_score(self) -> float:
+        """Smallest pivot relative to its column, over the samples."""
+        if self.placed is None:
+            return min(self.driven.reduced.pivots.score, self.closed.reduced.pivots.score)
+        return min(leg.reduced.pivots.score for leg in self.placed.legs)
+
+    def function(self, name: str) -> ca.Function:
+        """Write a function.
+
+        Parameters
+        ----------
+        name
+            One of `names`.
+
+        Returns
+        -------
+        casadi.Function
+            The function.
+
+        Raises
+        ------
+        InputError
+            If there is no such function.
+        """
+        if name not in self.names:
+            raise InputError(f"name must be one of {', '.join(self.names)}, got {name!r}")
+        if name in _TREE:
+            return _TREE[name](self.closed)
+        if self.placed is not None:
+            return _LEGS[name](self.placed)
+        if name == "motor_closing_step":
+            return _DRIVEN["closing_step"](self.motor_driven)
+        return _DRIVEN[name](self.driven)

@@ -1,0 +1,338 @@
+"""The whole chain driven by its platform or by its motors, for chains that do not come apart into legs.
+
+The configuration comes from Newton steps; velocity and acceleration follow from the loop rows stacked on the rows of
+what drives, by one elimination with pivots chosen on samples. Idle freedoms get the least norm, as in
+`stewart_pin.platform_motion`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+
+from stewart_pin.closure.equations import row_sizes
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.kernels.elimination import Elimination, plan_pivots, solve_symmetric
+from stewart_pin.kernels.graph.functions import shared
+from stewart_pin.kernels.graph.joint_efforts import efforts_of_wrenches, moments_of
+from stewart_pin.kernels.graph.joint_motion import at_rest, motions
+from stewart_pin.kernels.graph.loop_gaps import loop_gaps
+from stewart_pin.kernels.graph.quaternions import turned_by_small
+from stewart_pin.kernels.graph.whole_tree import (
+    ClosedTree,
+    motor_columns,
+    tree_bias,
+    tree_forward_dynamics,
+    tree_inverse_dynamics,
+)
+from stewart_pin.kernels.spatial import constant, rotation_constant, turn_from_quaternion
+from stewart_pin.kernels.tree import Tree
+from stewart_pin.model.description import JointKind
+
+Coordinates = Literal["platform", "motor"]
+_INFEASIBLE = 1e-9
+"""Entries of idle motions below this are round-off."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenTree:
+    """A chain at a symbolic configuration, and the rows that drive it.
+
+    Attributes
+    ----------
+    closed
+        The chain.
+    coordinates
+        What drives: the platform's six motions in world axes, or the motors.
+    drive
+        (nv, 6 or nu) rows of what drives, transposed.
+    reduced
+        Loop rows and driving rows, transposed and eliminated.
+    idle
+        (nv, n) motions that neither loops nor drive see.
+    """
+
+    closed: ClosedTree
+    coordinates: Coordinates
+    drive: ca.SX
+    reduced: Elimination
+    idle: ca.SX
+
+    @property
+    def determined(self) -> int:
+        """Number of freedoms that the drive determines."""
+        return self.closed.motions.shape[1] - self.idle.shape[1]
+
+
+def drive_tree(closed: ClosedTree, coordinates: Coordinates) -> DrivenTree:
+    """Drive a chain.
+
+    Parameters
+    ----------
+    closed
+        The chain, its loop rows eliminated.
+    coordinates
+        What drives it.
+
+    Returns
+    -------
+    DrivenTree
+        The chain, driven.
+
+    Raises
+    ------
+    UnsupportedError
+        If motors or platform can move while what drives is at rest.
+    """
+    chain, tree = closed.chain, closed.tree
+    on_platform = platform_columns(closed)
+    motors = motor_columns(tree)
+    drive = on_platform if coordinates == "platform" else motors
+    sizes = np.repeat([chain.length_scale, 1.0], 3) if coordinates == "platform" else _motor_sizes(closed)
+    matrix = ca.horzcat(closed.columns.transpose, drive)
+    values = closed.values(matrix) * chain.tangent_scale[:, None] / np.concatenate([row_sizes(chain), sizes])
+    reduced = Elimination(matrix, plan_pivots(values, list(range(matrix.shape[1]))))
+    idle = reduced.forward(ca.SX.eye(tree.nv))[list(reduced.pivots.rows), :].T
+    seen = np.abs(closed.values(ca.horzcat(on_platform, motors).T @ idle)).max(initial=0.0)
+    if seen > _INFEASIBLE * max(1.0, chain.length_scale):
+        other = "motor" if coordinates == "platform" else "platform"
+        raise UnsupportedError(
+            f"the {coordinates} coordinates of {chain.name} leave {idle.shape[1]} freedom(s) open in which the {other} "
+            f"moves; use coordinates='{other}' or whole-tree functions"
+        )
+    return DrivenTree(closed, coordinates, drive, reduced, idle)
+
+
+def _motor_sizes(closed: ClosedTree) -> np.ndarray:
+    return closed.chain.tangent_scale[list(closed.tree.motors)]
+
+
+def platform_columns(closed: ClosedTree) -> ca.SX:
+    """Build the transpose of the platform's Jacobian.
+
+    Parameters
+    ----------
+    closed
+        The chain.
+
+    Returns
+    -------
+    casadi.SX
+        (nv, 6): unit forces and unit moments at the platform frame's origin along world axes, as joint efforts.
+    """
+    tree, at = closed.tree, closed.at
+    back = at.to_world[tree.platform].T
+    arm = constant(tree.platform_translation)
+    force = ca.horzcat(back, ca.SX(3, 3))
+    moment = ca.horzcat(moments_of(arm, back), back)
+    return efforts_of_wrenches(tree.joints, at, {tree.platform: (force, moment)}, 6)
+
+
+def _platform_bias(closed: ClosedTree, v: ca.SX) -> ca.SX:
+    """Acceleration of the platform frame without joint acceleration, in world axes: (6, 1)."""
+    tree, at = closed.tree, closed.at
+    drifting = motions(tree.joints, at, v, ca.SX.zeros(tree.nv), at_rest(ca.SX.zeros(3)))
+    k, to_world = tree.platform, at.to_world[tree.platform]
+    linear = drifting.acceleration[k] + drifting.turning[k] @ constant(tree.platform_translation)
+    return ca.vertcat(to_world @ linear, to_world @ drifting.omega_rate[k])
+
+
+def _follow(driven: DrivenTree, demand: ca.SX) -> ca.SX:
+    """Tangent vector that meets the demand on loop rows and drive, idle motions at least norm."""
+    motion = driven.reduced.transposed(demand)
+    if not driven.idle.shape[1]:
+        return motion
+    square, overlap = driven.idle.T @ driven.idle, driven.idle.T @ motion
+    parts, _, _ = solve_symmetric(square, overlap, driven.closed.values(square))
+    return motion - driven.idle @ ca.vertcat(*parts)
+
+
+def _infeasible(driven: DrivenTree, motion: ca.SX, demand: ca.SX) -> ca.SX:
+    """Part of a demand on the drive that the chain cannot follow, relative to 1 and to the demand."""
+    nc = driven.closed.tree.nc
+    dropped = [k - nc for k in driven.reduced.pivots.columns if k >= nc]
+    if not dropped:
+        return ca.SX(0)
+    left = driven.drive[:, dropped].T @ motion - demand[dropped]
+    return ca.norm_inf(left) / (1 + ca.norm_inf(demand))
+
+
+def driven_inverse_dynamics(driven: DrivenTree) -> ca.Function:
+    """Write inverse dynamics.
+
+    Parameters
+    ----------
+    driven
+        The chain.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, velocity, acceleration) -> (tau_motor, infeasible)``: q (nq, 1) with closed loops; the other two are those
+        of what drives, (6, 1) or (nu, 1). `infeasible` is the part of the demanded motion that the chain cannot do,
+        relative to 1 and to the demand.
+    """
+    closed, nc = driven.closed, driven.closed.tree.nc
+    size = driven.drive.shape[1]
+    velocity, acceleration = ca.SX.sym("velocity", size), ca.SX.sym("acceleration", size)
+    v = _follow(driven, ca.vertcat(ca.SX.zeros(nc), velocity))
+    bias = _platform_bias(closed, v) if driven.coordinates == "platform" else ca.SX.zeros(size)
+    demand = acceleration - bias
+    a = _follow(driven, ca.vertcat(-tree_bias(closed, v), demand))
+    tau_motor, _ = tree_inverse_dynamics(closed, v, a)
+    infeasible = ca.fmax(_infeasible(driven, v, velocity), _infeasible(driven, a, demand))
+    return shared(
+        "inverse_dynamics",
+        {"q": closed.q, "velocity": velocity, "acceleration": acceleration},
+        {"tau_motor": tau_motor, "infeasible": infeasible},
+    )
+
+
+def driven_forward_dynamics(driven: DrivenTree) -> ca.Function:
+    """Write forward dynamics.
+
+    Parameters
+    ----------
+    driven
+        The chain.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, velocity, tau_motor) -> (acceleration, infeasible)``, velocity and acceleration of what drives.
+    """
+    closed, tree = driven.closed, driven.closed.tree
+    velocity = ca.SX.sym("velocity", driven.drive.shape[1])
+    tau_motor = ca.SX.sym("tau_motor", len(tree.motors))
+    v = _follow(driven, ca.vertcat(ca.SX.zeros(tree.nc), velocity))
+    a, _ = tree_forward_dynamics(closed, v, tau_motor)
+    acceleration = driven.drive.T @ a
+    if driven.coordinates == "platform":
+        acceleration = acceleration + _platform_bias(closed, v)
+    return shared(
+        "forward_dynamics",
+        {"q": closed.q, "velocity": velocity, "tau_motor": tau_motor},
+        {"acceleration": acceleration, "infeasible": _infeasible(driven, v, velocity)},
+    )
+
+
+def driven_motor_jacobian(driven: DrivenTree) -> ca.Function:
+    """Write the motor Jacobian of a chain that its platform drives.
+
+    Parameters
+    ----------
+    driven
+        The chain.
+
+    Returns
+    -------
+    casadi.Function
+        ``q -> jacobian``, (nq, 1) to (nu, 6), which holds for twists that the platform can do.
+    """
+    closed, tree = driven.closed, driven.closed.tree
+    columns = [
+        motor_columns(tree).T @ driven.reduced.transposed(ca.vertcat(ca.SX.zeros(tree.nc), unit))
+        for unit in ca.horzsplit(ca.SX.eye(6))
+    ]
+    return shared("motor_jacobian", {"q": closed.q}, {"jacobian": ca.horzcat(*columns)})
+
+
+def closing_step_function(driven: DrivenTree) -> ca.Function:
+    """Write one Newton step that closes the loops and brings what drives to a target.
+
+    Parameters
+    ----------
+    driven
+        The chain.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, target, share) -> (q_next, gap)``: target (7, 1) pose or (nu, 1) motor positions; the gap, in robot sizes
+        and radians, is that before the step.
+    """
+    closed, tree, chain = driven.closed, driven.closed.tree, driven.closed.chain
+    share = ca.SX.sym("share")
+    loops = loop_gaps(tree, closed.at)
+    if driven.coordinates == "platform":
+        target = ca.SX.sym("target", 7)
+        off, sizes = _pose_error(closed, target), np.repeat([chain.length_scale, 1.0], 3)
+    else:
+        target = ca.SX.sym("target", len(tree.motors))
+        off, sizes = closed.q[list(tree.motors_q)] - target, _motor_sizes(closed)
+    gap = ca.vertcat(closed.columns.turn.T @ loops, off)
+    step = share * driven.reduced.transposed(-gap)
+    scaled = ca.vertcat(loops, off) / constant(np.concatenate([row_sizes(chain), sizes]))
+    return shared(
+        "closing_step",
+        {"q": closed.q, "target": target, "share": share},
+        {"q_next": integrated(tree, closed.q, step), "gap": scaled},
+    )
+
+
+def platform_pose_function(closed: ClosedTree) -> ca.Function:
+    """Write the pose of the platform frame.
+
+    Parameters
+    ----------
+    closed
+        The chain.
+
+    Returns
+    -------
+    casadi.Function
+        ``q -> (position, rotation)``, (nq, 1) to (3, 1) [m] and (3, 3).
+    """
+    position, rotation = _pose(closed)
+    return shared("platform_pose", {"q": closed.q}, {"position": position, "rotation": rotation})
+
+
+def _pose(closed: ClosedTree) -> tuple[ca.SX, ca.SX]:
+    tree, at = closed.tree, closed.at
+    to_world = at.to_world[tree.platform]
+    position = at.in_world[tree.platform] + to_world @ constant(tree.platform_translation)
+    return position, to_world @ rotation_constant(tree.platform_rotation)
+
+
+def _pose_error(closed: ClosedTree, target: ca.SX) -> ca.SX:
+    """Position error, and rotation vector of the error in world axes, to the second order."""
+    position, rotation = _pose(closed)
+    turn = rotation @ turn_from_quaternion(target[3:]).T
+    half = ca.vertcat(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]) / 2
+    # The sine of the angle alone would leave half a turn unseen: 2 sin(angle / 2) along the same axis.
+    cosine = (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1) / 2
+    return ca.vertcat(position - target[:3], half * ca.sqrt(2 / ca.fmax(1 + cosine, 1e-6)))
+
+
+def integrated(tree: Tree, q: ca.SX, step: ca.SX) -> ca.SX:
+    """Move a configuration along a small tangent vector.
+
+    Parameters
+    ----------
+    tree
+        Constants.
+    q
+        (nq, 1) configuration.
+    step
+        (nv, 1) displacement; errors are of its third order.
+
+    Returns
+    -------
+    casadi.SX
+        (nq, 1) with quaternions of unit length.
+    """
+    moved = ca.SX(q)
+    for joint in tree.joints:
+        part, by = q[joint.q], step[joint.v]
+        match joint.kind:
+            case JointKind.SPHERICAL:
+                moved[joint.q] = turned_by_small(part, by, body=True)
+            case JointKind.FLOATING:
+                shift = turn_from_quaternion(part[3:]) @ by[:3]
+                moved[joint.q] = ca.vertcat(part[:3] + shift, turned_by_small(part[3:], by[3:], body=True))
+            case _:
+                moved[joint.q] = part + by
+    return moved

@@ -1,0 +1,43 @@
+"""How far the loops are from closed."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from stewart_pin.kernels.graph.joint_motion import Placements
+from stewart_pin.kernels.spatial import constant, rotation_constant
+from stewart_pin.kernels.tree import Tree
+from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow
+
+
+def loop_gaps(tree: Tree, at: Placements) -> ca.SX:
+    """Evaluate the gap of the loops.
+
+    Parameters
+    ----------
+    tree
+        Constants.
+    at
+        Placements of the bodies.
+
+    Returns
+    -------
+    casadi.SX
+        (nc, 1) as `stewart_pin.loop_gap` [m and dimensionless]; rows of couplings are left at zero.
+    """
+    gap = ca.SX(tree.nc, 1)
+    for loop in tree.loops:
+        frame1 = at.to_world[loop.body1] @ rotation_constant(loop.rotation1)
+        frame2 = at.to_world[loop.body2] @ rotation_constant(loop.rotation2)
+        origin1 = at.in_world[loop.body1] + at.to_world[loop.body1] @ constant(loop.translation1)
+        origin2 = at.in_world[loop.body2] + at.to_world[loop.body2] @ constant(loop.translation2)
+        rotation, reach = frame1.T @ frame2, frame1.T @ (origin2 - origin1)
+        for index, row in zip(loop.index, loop.rows, strict=True):
+            match row:
+                case NormalRow():
+                    gap[index] = ca.dot(constant(row.normal), reach)
+                case AngleRow():
+                    gap[index] = ca.dot(constant(row.u1), rotation @ constant(row.u2))
+                case LengthRow():
+                    gap[index] = ca.norm_2(reach) - row.length
+    return gap

@@ -1,0 +1,136 @@
+"""Newton's method for arrays of states: steps from a kernel, damped row by row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stewart_pin.kernels.array_kernel import ArrayKernel
+from stewart_pin.typing import BoolArray, FloatArray
+
+_CLOSED = 1e-11
+"""Gap at which a row is closed, in robot sizes and radians: a few hundred units of round-off."""
+_CHUNK = 4096
+"""Rows that are treated at a time, so that they stay in the cache."""
+_PLAIN_STEPS = 8
+"""Full steps before the rows that have not closed by then are damped."""
+_SMALLEST_SHARE = 1e-4
+"""Share of Newton's step below which a row is given up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """What Newton's method reached.
+
+    Attributes
+    ----------
+    states
+        (N, n) states, of rows that did not close the best [any unit].
+    gap
+        (N,) largest entry of each gap, in robot sizes and radians [1].
+    closed
+        (N,) mask of the rows that closed.
+    """
+
+    states: FloatArray
+    gap: FloatArray
+    closed: BoolArray
+
+    def with_rows(self, rows: np.ndarray, other: Solved) -> Solved:
+        """Replace rows.
+
+        Parameters
+        ----------
+        rows
+            Indices of the rows.
+        other
+            What they become.
+
+        Returns
+        -------
+        Solved
+            With those rows.
+        """
+        states, gap, closed = self.states.copy(), self.gap.copy(), self.closed.copy()
+        states[rows], gap[rows], closed[rows] = other.states, other.gap, other.closed
+        return Solved(states, gap, closed)
+
+
+def damped_newton(
+    step: ArrayKernel, start: FloatArray, target: FloatArray, *, max_iterations: int = 60, threads: int = 1
+) -> Solved:
+    """Close every row of an array.
+
+    Parameters
+    ----------
+    step
+        Kernel of ``(state, target, share) -> (next, gap)``.
+    start
+        (N, n) states to start from [any unit].
+    target
+        (N, m) targets [any unit].
+    max_iterations
+        Bound on steps.
+    threads
+        Number of threads.
+
+    Returns
+    -------
+    Solved
+        States, and which of them are closed.
+    """
+    states, gap = np.array(start, dtype=float), np.full(len(start), np.inf)
+    for begin in range(0, len(start), _CHUNK):
+        part = slice(begin, begin + _CHUNK)
+        states[part], gap[part] = _plain(step, states[part], target[part], threads)
+    left = np.flatnonzero(~(gap <= _CLOSED))
+    if left.size:
+        states[left], gap[left] = _damped(step, start[left], target[left], max_iterations, threads)
+    return Solved(states, gap, gap <= _CLOSED)
+
+
+def _plain(
+    step: ArrayKernel, states: FloatArray, target: FloatArray, threads: int
+) -> tuple[FloatArray, FloatArray]:
+    """Take full steps until all rows have closed, or have had enough of them."""
+    whole, size = np.ones((1,)), np.empty(0)
+    for _ in range(_PLAIN_STEPS):
+        following, gap = step(states, target, whole, threads=threads)
+        size = np.abs(gap).max(axis=1, initial=0.0)
+        # The step after a closed gap leaves nothing but round-off.
+        states = following
+        if not (size > _CLOSED).any():
+            break
+    return states, size
+
+
+def _damped(
+    step: ArrayKernel, start: FloatArray, target: FloatArray, max_iterations: int, threads: int
+) -> tuple[FloatArray, FloatArray]:
+    """Take shorter steps where a full one does not lower the gap."""
+
+    def take(rows: np.ndarray, states: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        following, gap = step(states, target[rows], share[:, None], threads=threads)
+        size = np.abs(gap).max(axis=1, initial=0.0)
+        return following, np.where(np.isfinite(size), size, np.inf)
+
+    states, share = np.array(start, dtype=float), np.ones(len(start))
+    following, gap = take(np.arange(len(start)), states, share)
+    active = np.flatnonzero(np.isfinite(gap) & (gap > _CLOSED))
+    for _ in range(max_iterations):
+        if not active.size:
+            break
+        after, gap_after = take(active, following[active], np.ones(active.size))
+        better = gap_after < gap[active]
+        good, worse = active[better], active[~better]
+        states[good], gap[good], share[good] = following[good], gap_after[better], 1.0
+        following[good] = after[better]
+        worse = worse[share[worse] > _SMALLEST_SHARE]
+        if worse.size:
+            share[worse] /= 4
+            following[worse] = take(worse, states[worse], share[worse])[0]
+        active = np.sort(np.concatenate([good[gap[good] > _CLOSED], worse]))
+    closed = gap <= _CLOSED
+    states[closed] = following[closed]
+    return states, gap

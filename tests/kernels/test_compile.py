@@ -1,0 +1,208 @@
+"""Verbs for arrays of states against those for one state, on every bundled robot."""
+
+from __future__ import annotations
+
+import sys
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.kernels.compile import Kernels, compile_kernels
+from stewart_pin.kernels.status import StateStatus
+from stewart_pin.mechanics.platform import motion_matrix, platform_bias
+from tests import mechanisms
+from tests.closed_states import close, random_configuration, random_motion, robot
+
+AGREE = 1e-10
+HELD = [name for name in stp.robots() if stp.mobility(robot(name)).motors_sufficient]
+"""Robots whose motors hold them: inverse dynamics and motor coordinates are for these."""
+ON_PLATFORM = [name for name in HELD if name != "arm_7r"]
+"""Robots that the motion of their platform determines."""
+LIKE_ANOTHER = {"stewart_cad", "stewart_s1"}
+"""Robots whose legs are those of another one."""
+SMALL = [name for name in HELD if robot(name).nv < 24]
+
+
+@cache
+def kernels(name: str, coordinates: str = "platform") -> Kernels:
+    return compile_kernels(robot(name), coordinates=coordinates)  # pyright: ignore[reportArgumentType]
+
+
+def array_of(states: list[tuple[np.ndarray, ...]]) -> list[np.ndarray]:
+    return [np.array(x) for x in zip(*states, strict=True)]
+
+
+def platform_states(many: Kernels, rng: np.random.Generator, count: int = 4):
+    """States of the whole chain, driven by poses and motions that the platform can do, and those as arrays."""
+    chain, whole, states = many.chain, [], []
+    for _ in range(count):
+        q = random_configuration(chain, rng, 0.1)
+        v, a = random_motion(chain, rng, q)
+        jacobian = motion_matrix(chain, q)[chain.nc :]
+        pose, twist = stp.platform_pose(chain, q), jacobian @ v
+        acceleration = jacobian @ a + platform_bias(chain, q, v)
+        # On the branch that the kernel takes: an arm reaches most poses in several ways.
+        q_motor = many.inverse_kinematics(pin.SE3ToXYZQUAT(pose))
+        there = stp.forward_kinematics(chain, q_motor).q
+        whole.append(stp.platform_motion(chain, pose, twist, acceleration, q_guess=there, limits=False))
+        states.append((pin.SE3ToXYZQUAT(pose), twist, acceleration, q_motor))
+    return whole, array_of(states)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n in LIKE_ANOTHER else n for n in ON_PLATFORM]
+)
+def test_platform_coordinates_agree(name: str, rng: np.random.Generator) -> None:
+    many = kernels(name)
+    chain = many.chain
+    whole, (pose, twist, acceleration, q_motor) = platform_states(many, rng)
+    tau_motor = many.inverse_dynamics(pose, twist, acceleration)
+    moved = many.forward_dynamics(pose, twist, tau_motor)
+    rates = np.einsum("nij,nj->ni", many.motor_jacobian(pose), twist)
+    for k, s in enumerate(whole):
+        close(q_motor[k], stp.motor_positions(chain, s.q), AGREE)
+        close(tau_motor[k], stp.inverse_dynamics(chain, s.q, s.v, s.a).tau_motor, AGREE)
+        close(rates[k], s.v[chain.motor_index], AGREE)
+        a = stp.forward_dynamics(chain, s.q, s.v, tau_motor[k]).a
+        close(moved[k], motion_matrix(chain, s.q)[chain.nc :] @ a + platform_bias(chain, s.q, s.v), AGREE)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n in LIKE_ANOTHER else n for n in ON_PLATFORM]
+)
+def test_forward_kinematics_returns(name: str, rng: np.random.Generator) -> None:
+    many = kernels(name)
+    _, (pose, _, _, q_motor) = platform_states(many, rng, 3)
+    status = np.full(3, -1, dtype=np.int8)
+    guess = pin.SE3ToXYZQUAT(stp.platform_pose(many.chain, many.chain.q_home))
+    if name.startswith("arm"):
+        guess = pose[0]  # home is stretched out, where no Newton step exists
+    found = many.forward_kinematics(q_motor, guess, status=status)
+    assert (status == StateStatus.OK).all()
+    for one, other in zip(found, pose, strict=True):
+        close(pin.XYZQUATToSE3(one).homogeneous, pin.XYZQUATToSE3(other).homogeneous, 1e-9)
+
+
+@pytest.mark.parametrize("name", [n if n in SMALL else pytest.param(n, marks=pytest.mark.slow) for n in HELD])
+def test_motor_coordinates_agree(name: str, rng: np.random.Generator) -> None:
+    many = kernels(name, "motor")
+    chain, whole, states = many.chain, [], []
+    for _ in range(3):
+        v = rng.normal(size=chain.nu) * chain.tangent_scale[chain.motor_index]
+        step = 0.05 * rng.uniform(-1, 1, chain.nu) * chain.tangent_scale[chain.motor_index]
+        q_motor = stp.motor_positions(chain, chain.q_home) + step
+        q = stp.forward_kinematics(chain, q_motor).q
+        motion, a = random_motion(chain, rng, q)
+        whole.append((q, motion, a))
+        states.append((q_motor, motion[chain.motor_index], a[chain.motor_index]))
+    if chain.nv - chain.nc > chain.nu and stp.mobility(chain).idle:
+        pytest.skip("idle freedoms move as they like; the platform's coordinates fix them")
+    position, velocity, acceleration = array_of(states)
+    tau_motor = many.inverse_dynamics(position, velocity, acceleration)
+    moved = many.forward_dynamics(position, velocity, tau_motor)
+    for k, (q, v, a) in enumerate(whole):
+        close(tau_motor[k], stp.inverse_dynamics(chain, q, v, a).tau_motor, AGREE)
+    close(moved, acceleration, 1e-9)
+
+
+def test_a_redundant_arm_needs_motor_coordinates() -> None:
+    with pytest.raises(stp.errors.UnsupportedError, match=r"1 freedom.* coordinates='motor'"):
+        compile_kernels(robot("arm_7r"))
+
+
+def test_motors_that_hold_nothing_are_refused() -> None:
+    chain = mechanisms.five_bar(("left_hip",))
+    with pytest.raises((stp.errors.ActuationError, stp.errors.UnsupportedError)):
+        compile_kernels(chain).inverse_dynamics(np.zeros(7), np.zeros(6), np.zeros(6))
+
+
+def test_bad_states_come_out_as_nan_with_a_code(rng: np.random.Generator) -> None:
+    many = kernels("stewart")
+    _, (pose, twist, acceleration, q_motor) = platform_states(many, rng, 4)
+    expected = many.inverse_dynamics(pose, twist, acceleration)
+    pose[1, 3:] *= 1.01  # no unit quaternion
+    pose[2, 0] = np.nan
+    status = np.empty(4, dtype=np.int8)
+    found = many.inverse_dynamics(pose, twist, acceleration, status=status)
+    assert status.tolist() == [
+        StateStatus.OK,
+        StateStatus.OUT_OF_BOUNDS,
+        StateStatus.INPUT_NOT_FINITE,
+        StateStatus.OK,
+    ]
+    assert np.isnan(found[1:3]).all()
+    assert np.array_equal(found[[0, 3]], expected[[0, 3]])
+    q_motor[1] = [0.1, 2.0, 0.1, 2.0, 0.1, 2.0]  # legs that no platform fits
+    poses = many.forward_kinematics(q_motor, pose[0], status=status)
+    assert status.tolist() == [StateStatus.OK, StateStatus.OUT_OF_BOUNDS, StateStatus.OK, StateStatus.OK]
+    assert np.isnan(poses[1]).all()
+
+
+@pytest.mark.parametrize("name", ["four_bar", "delta"])
+def test_a_demand_that_the_platform_cannot_follow_has_a_code(name: str, rng: np.random.Generator) -> None:
+    many = kernels(name)
+    _, (pose, twist, acceleration, _) = platform_states(many, rng, 2)
+    twist[1] += [0.0, 0.0, 0.0, 0.3, 0.2, 0.1]
+    status = np.empty(2, dtype=np.int8)
+    assert np.isnan(many.inverse_dynamics(pose, twist, acceleration, status=status)[1]).all()
+    assert status.tolist() == [StateStatus.OK, StateStatus.OUT_OF_BOUNDS]
+    # So has a pose that it cannot take.
+    pose[1, 3:] = pin.Quaternion(pin.exp3(np.array([0.3, 0.2, 0.1]))).coeffs()
+    twist[1] = acceleration[1] = 0.0
+    assert np.isnan(many.inverse_dynamics(pose, twist, acceleration, status=status)[1]).all()
+    assert status[1] != StateStatus.OK
+
+
+def test_one_state_and_many(rng: np.random.Generator) -> None:
+    for name in ("stewart", "four_bar"):
+        many = kernels(name)
+        _, (pose, twist, acceleration, q_motor) = platform_states(many, rng, 2)
+        both = many.inverse_dynamics(pose, twist, acceleration)
+        assert np.array_equal(many.inverse_dynamics(pose[0], twist[0], acceleration[0]), both[0])
+        assert many.forward_kinematics(q_motor[0], pose[0]).shape == (7,)
+        assert many.inverse_dynamics(pose[:0], twist[:0], acceleration[:0]).shape == (0, many.chain.nu)
+        with pytest.raises(stp.errors.InputError):
+            many.inverse_dynamics(pose[:, :6], twist, acceleration)
+
+
+def test_the_interpreter_agrees_with_the_machine_code(rng: np.random.Generator) -> None:
+    many = kernels("stewart")
+    slow = compile_kernels(robot("stewart"), engine="numpy")
+    _, (pose, twist, acceleration, _) = platform_states(many, rng, 3)
+    close(
+        slow.inverse_dynamics(pose, twist, acceleration),
+        many.inverse_dynamics(pose, twist, acceleration),
+        1e-13,
+    )
+    single = compile_kernels(robot("stewart"), dtype=np.float32)
+    close(
+        single.inverse_dynamics(pose, twist, acceleration),
+        many.inverse_dynamics(pose, twist, acceleration),
+        1e-4,
+    )
+
+
+def test_report_and_functions() -> None:
+    many = kernels("stewart")
+    many.casadi("inverse_dynamics")
+    report = many.report
+    assert (report.route, report.freedoms, report.coordinates) == ("legs", 6, "platform")
+    assert report.pivot_score > 0.5
+    assert "inverse_dynamics: " in str(report)
+    assert set(many.names) >= {"inverse_dynamics", "tree_inverse_dynamics", "motor_jacobian"}
+    assert many.casadi("inverse_dynamics").name_in() == ["pose", "twist", "acceleration"]
+    with pytest.raises(stp.errors.InputError, match="inverse_dynamics"):
+        many.casadi("inverse")
+    assert kernels("four_bar").report.route == "tree"
+    assert "revolute and no ball" in str(kernels("four_bar").report)
+
+
+def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [n for n in sys.modules if n.startswith("stewart_pin.kernels.") and "compile" not in n]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(stp.errors.MissingExtraError, match="kernels"):
+        compile_kernels(robot("stewart"))
