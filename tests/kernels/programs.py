@@ -31,6 +31,28 @@ def _combination(which: int, x: ca.SX, y: ca.SX) -> ca.SX:
     return [*choices, (x * y - x) / (size * (2 + y * y))][which]
 
 
+def unpolished_program(rng: np.random.Generator, n_operations: int = 120) -> Program:
+    """Build what CasADi would have simplified: signs everywhere, neutral constants, quotients of quotients."""
+    source = Program(
+        "unpolished", (Port("a", (5,)), Port("b", (6,))), (Port("c", (6,)), Port("d", (6,))), (), ()
+    )
+    builder = ProgramBuilder(source)
+    pool = [builder.append(Instruction(Kind.INPUT, place=(0, k))) for k in range(5)]
+    pool += [builder.append(Instruction(Kind.INPUT, place=(1, k))) for k in range(6)]
+    pool += [builder.constant(value) for value in (0.0, -0.0, 1.0, -1.0)]
+    one = pool[-2]
+    kinds = [Kind.ADD, Kind.SUB, Kind.MUL, Kind.NEG, Kind.NEG, Kind.DIV]
+    for _ in range(n_operations):
+        x, y = (pool[-k] for k in rng.choice(min(25, len(pool)), 2, replace=False) + 1)
+        kind = kinds[rng.integers(len(kinds))]
+        if kind is Kind.DIV:  # by a value above one, or below minus one
+            y = builder.operation(Kind.ADD, one, builder.operation(Kind.MUL, y, y))
+            y = builder.operation(Kind.NEG, y) if rng.integers(2) else y
+        value = builder.operation(kind, x) if kind is Kind.NEG else builder.operation(kind, x, y)
+        pool.append(value)
+    return builder.finish(iter([tuple(pool[-6:]), tuple(pool[-12:-6])]))
+
+
 def dense_solve() -> Program:
     """Solution of a dense system of six equations by elimination down the diagonal."""
     matrix, right = ca.SX.sym("A", 6, 6), ca.SX.sym("b", 6)

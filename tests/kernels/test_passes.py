@@ -16,7 +16,7 @@ from stewart_pin.kernels.preparing import prepare
 from stewart_pin.kernels.program import Kind, Program, n_operations, operation_counts
 from stewart_pin.kernels.reciprocals import share_reciprocals
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
-from tests.kernels.programs import random_program, round_off
+from tests.kernels.programs import random_program, round_off, unpolished_program
 
 PASSES = [drop_dead, simplify, share_reciprocals, fuse, prepare]
 LONG = np.longdouble
@@ -32,10 +32,13 @@ def read(*outputs: ca.SX, inputs: ca.SX) -> Program:
 
 
 @pytest.mark.parametrize("change", PASSES, ids=lambda f: f.__name__)
+@pytest.mark.parametrize("make", [random_program, unpolished_program], ids=lambda f: f.__name__)
 @pytest.mark.parametrize("seed", range(5))
-def test_pass_keeps_the_values(change: Callable[[Program], Program], seed: int) -> None:
+def test_pass_keeps_the_values(
+    change: Callable[[Program], Program], make: Callable[[np.random.Generator], Program], seed: int
+) -> None:
     rng = np.random.default_rng(seed)
-    program = random_program(rng)
+    program = make(rng)
     inputs = [rng.uniform(-2, 2, size=(200, 5)), rng.uniform(-2, 2, size=(200, 6))]
     changed = change(program)
     exact = run_program(program, inputs, dtype=LONG)
@@ -67,6 +70,20 @@ def test_dead_operations_go_and_constants_fold() -> None:
     )
     assert counts(drop_dead(first))[Kind.SIN] == 0
     assert n_operations(drop_dead(first)) == 1
+
+
+def test_value_by_its_root_is_the_root() -> None:
+    x = ca.SX.sym("x")
+    found = counts(share_reciprocals(read(x / ca.sqrt(x), inputs=x)))
+    assert (found[Kind.DIV], found[Kind.SQRT]) == (0, 1)
+
+
+def test_neutral_operands_and_double_signs_go() -> None:
+    rng = np.random.default_rng(7)
+    program = unpolished_program(rng)
+    before, after = counts(program), counts(simplify(program))
+    assert after[Kind.NEG] < before[Kind.NEG] / 4
+    assert n_operations(simplify(program)) < 0.7 * n_operations(program)
 
 
 def test_signs_are_moved_into_sums() -> None:
