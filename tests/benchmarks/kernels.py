@@ -1,0 +1,185 @@
+"""Time of the kernels for a state, against other ways to the same numbers. Run by hand; one minute.
+
+``OMP_NUM_THREADS=1 python -m tests.benchmarks.kernels``. All run in turn in one process, round after round; medians,
+and the ratio to Pinocchio driven from Python in the same round. Each way is first checked to give the same forces.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+from scipy.spatial.transform import Rotation
+
+import stewart_pin as stp
+from stewart_pin.building.hexapod_bodies import hexapod_bodies
+from stewart_pin.closure.pinocchio_constraints import constraint_models
+from stewart_pin.kernels.array_kernel import ArrayKernel
+from stewart_pin.kernels.graph.platform_dynamics import (
+    forward_dynamics_function,
+    inverse_dynamics_function,
+    place_platform,
+)
+from stewart_pin.kernels.instructions import program_from_casadi
+from stewart_pin.kernels.plan import plan_platform
+from stewart_pin.kernels.preparing import prepare
+from stewart_pin.kernels.program import Kind, Program, n_operations, operation_counts
+from tests.kernels.hexapod_graph import lengths_function, sample_states
+from tests.oracles.test_mujoco import compiled
+
+N = 8192
+FEW = 32
+"""States of the ways that take one at a time."""
+Way = tuple[Callable[[], object], int]
+"""What to call, and how many states that treats."""
+
+
+def lean_pinocchio(chain: stp.ClosedChain, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """Inverse dynamics as a user of Pinocchio would write it, all that can be prepared being prepared."""
+    model, data = chain.model, pin.Data(chain.model)
+    models = constraint_models(chain)
+    datas = pin.StdVec_RigidConstraintData()
+    for constraint in models:
+        datas.append(constraint.createData())
+    pairs = list(zip(models, datas, strict=True))
+    motor = np.asarray(chain.motor_index)
+    passive = np.setdiff1d(np.arange(chain.nv), motor)
+    tau = np.empty((len(q), chain.nu))
+    for k in range(len(q)):
+        needed = pin.rnea(model, data, q[k], v[k], a[k])
+        pin.computeJointJacobians(model, data, q[k])
+        for constraint, place in pairs:
+            constraint.calc(model, data, place)  # else the Jacobian is that of an older state
+        jacobian = pin.getConstraintsJacobian(model, data, models, datas)
+        reaction = np.linalg.solve(jacobian[:, passive].T, needed[passive])
+        tau[k] = needed[motor] - jacobian[:, motor].T @ reaction
+    return tau
+
+
+def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, Program], dict[str, float]]:
+    """Prepare all ways, and check that they agree."""
+    rng = np.random.default_rng(1)
+    pose, twist, acceleration = sample_states(rng, N)
+    programs, seconds, kernels = {}, {}, {}
+    start = time.process_time()
+    placed = place_platform(plan_platform(chain))
+    functions = {
+        "inverse dynamics": inverse_dynamics_function(placed),
+        "forward dynamics": forward_dynamics_function(placed),
+    }
+    functions["six lengths"] = lengths_function(stp.Hexapod.from_chain(chain))
+    seconds["graphs"] = time.process_time() - start
+    for name, function in functions.items():
+        start = time.process_time()
+        programs[name] = prepare(program_from_casadi(function))
+        kernels[name] = ArrayKernel(programs[name])
+        seconds[f"compile {name}"] = time.process_time() - start
+    single = ArrayKernel(programs["inverse dynamics"], dtype=np.float32)
+
+    states = [
+        stp.platform_motion(chain, pin.XYZQUATToSE3(p), t, c)
+        for p, t, c in zip(pose[:FEW], twist[:FEW], acceleration[:FEW], strict=True)
+    ]
+    q, v, a = (np.array([getattr(s, n) for s in states]) for n in "qva")
+    inverse, forward = kernels["inverse dynamics"], kernels["forward dynamics"]
+    out, out32, lengths = np.empty((N, 6)), np.empty((N, 6), dtype=np.float32), np.empty((N, 6))
+    half = [x.astype(np.float32) for x in (pose, twist, acceleration)]
+    tau = inverse(pose, twist, acceleration)
+    one = inverse.single_state()
+    short = [x[:1] for x in (pose, twist, acceleration)]
+    first = [x[0].copy() for x in (pose, twist, acceleration)]
+    hexapod, bodies = stp.Hexapod.from_chain(chain), hexapod_bodies(chain)
+    rotation = Rotation.from_quat(pose[:, 3:]).as_matrix()
+    folder = tempfile.TemporaryDirectory()
+    engine = compiled(chain, Path(folder.name))
+    theirs = []
+    for k in range(FEW):
+        engine.set(q[k], v[k], a[k])
+        theirs.append([x.copy() for x in (engine.data.qpos, engine.data.qvel, engine.data.qacc)])
+
+    def closed_form() -> np.ndarray:
+        return np.concatenate(
+            [
+                stp.hexapod_inverse_dynamics(
+                    hexapod, bodies, pose[s, :3], rotation[s], twist[s], acceleration[s]
+                ).actuator
+                for s in (slice(k, k + 1024) for k in range(0, N, 1024))
+            ]
+        )
+
+    def mujoco_inverse() -> None:
+        data = engine.data
+        for data.qpos[:], data.qvel[:], data.qacc[:] in theirs:
+            mujoco.mj_inverse(engine.model, data)
+
+    def verb() -> np.ndarray:
+        return np.array([stp.inverse_dynamics(chain, *s).tau_motor for s in zip(q, v, a, strict=True)])
+
+    size = np.abs(tau).max()
+    for name, other in (
+        ("lean", lean_pinocchio(chain, q, v, a)),
+        ("verb", verb()),
+        ("closed form", closed_form()),
+    ):
+        assert np.abs(other - tau[: len(other)]).max() < 1e-10 * size, name
+    assert np.abs(forward(pose, twist, tau) - acceleration).max() < 1e-9
+    assert (
+        np.abs(kernels["six lengths"](pose) - stp.leg_lengths(hexapod, pose[:, :3], rotation)).max() < 1e-14
+    )
+    print(f"float32: largest error {np.abs(single(*half) - tau).max() / size:.1e} of the largest force")
+    found: dict[str, Way] = {
+        "Pinocchio from Python, lean": (lambda: lean_pinocchio(chain, q, v, a), FEW),
+        "stp.inverse_dynamics": (verb, FEW),
+        "MuJoCo mj_inverse (no motor forces)": (mujoco_inverse, FEW),
+        "NumPy closed form": (closed_form, N),
+        "kernel, float64": (lambda: inverse(pose, twist, acceleration, out=out), N),
+        "kernel, float64, 2 threads": (lambda: inverse(pose, twist, acceleration, out=out, threads=2), N),
+        "kernel, float32": (lambda: single(*half, out=out32), N),
+        "kernel, array of one state": (lambda: [inverse(*short, out=out[:1]) for _ in range(FEW)], FEW),
+        "kernel, single state, arrays given": (lambda: [one(*first) for _ in range(FEW)], FEW),
+        "kernel, single state, in place": (lambda: [one.run() for _ in range(FEW)], FEW),
+        "forward dynamics, float64": (lambda: forward(pose, twist, tau, out=out), N),
+        "six lengths, float64": (lambda: kernels["six lengths"](pose, out=lengths), N),
+    }
+    return found, programs, seconds
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=25)
+    parser.add_argument("--robot", default="stewart", help="a six-legged platform")
+    options = parser.parse_args()
+    found, programs, seconds = ways(stp.load(options.robot))
+    for name, program in programs.items():
+        counts = operation_counts(program)
+        work = n_operations(program) - counts.get(Kind.NEG, 0)
+        print(f"{name}: {work} operations, {counts.get(Kind.DIV, 0)} divisions")
+    print(", ".join(f"{name} {value:.2f} s" for name, value in seconds.items()))
+    times: dict[str, list[float]] = {name: [] for name in found}
+    for _ in range(options.rounds):
+        for name, (call, states) in found.items():
+            repeats = 1 if states * 1e-6 > 1e-3 else 4
+            start = time.perf_counter()
+            for _ in range(repeats):
+                call()
+            times[name].append((time.perf_counter() - start) / (repeats * states))
+    base = next(iter(times.values()))
+    print(f"{'':38s} {'median [ns]':>12} {'best [ns]':>12} {'ratio':>8} {'of best':>8}")
+    for name, values in times.items():
+        ratio = median(b / x for b, x in zip(base, values, strict=True))
+        of_best = min(base) / min(values)
+        print(
+            f"{name:38s} {1e9 * median(values):>12.1f} {1e9 * min(values):>12.1f} {ratio:>8.1f} {of_best:>8.1f}"
+        )
+
+
+if __name__ == "__main__":
+    main()
