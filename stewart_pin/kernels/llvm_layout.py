@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stewart_pin.kernels.llvm_operations import Writer
+from stewart_pin.kernels.llvm_writer import Writer
 
 
 def load_columns(writer: Writer, rows: Sequence[str], size: int) -> list[str]:

@@ -8,6 +8,7 @@ function for one state knows its addresses, and takes no argument. Outputs that 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -15,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.kernels.llvm_layout import load_columns, store_columns
-from stewart_pin.kernels.llvm_operations import Writer, write_program
+from stewart_pin.kernels.llvm_operations import write_program
+from stewart_pin.kernels.llvm_writer import Writer
 from stewart_pin.kernels.program import Program, require_output
 from stewart_pin.kernels.status import StateBound, StateStatus, written_outputs
 from stewart_pin.kernels.target import Target
@@ -92,11 +94,13 @@ def _module(writer: Writer, target: Target, arguments: str) -> str:
         [
             f'target triple = "{target.triple}"',
             *sorted(writer.declared),
+            *itertools.chain.from_iterable(writer.helpers.values()),
             f"define void @run({arguments}) #0 {{",
             *writer.lines,
             "}",
             # Some processors are tuned to halves of their widest registers unless asked.
             f'attributes #0 = {{ nounwind "min-legal-vector-width"="{8 * target.vector_bytes}" }}',
+            '!0 = !{!"branch_weights", i32 1, i32 1000000}',  # of what happens seldom
         ]
     )
 
@@ -204,8 +208,5 @@ def _all_finite(writer: Writer, values: list[str]) -> str:
     """Mask of the lanes where all values are finite: zero times one that is not gives nan."""
     zero = total = writer.constant(0.0)
     for x in values:
-        if writer.fused:
-            total = writer.call("fma", x, zero, total)
-        else:
-            total = writer.put(f"fadd {writer.type} {writer.put(f'fmul {writer.type} {x}, {zero}')}, {total}")
+        total = writer.multiply_add(x, zero, total)
     return writer.compare("oeq", total, zero)

@@ -82,6 +82,15 @@ def kinds_of_every_operation() -> list[Kind]:
     return [kind for kind in Kind if kind not in {Kind.INPUT, Kind.CONSTANT}]
 
 
+def one_operation(kind: Kind) -> Program:
+    """Take the program of one operation on three inputs."""
+    whole = every_operation()
+    k = kinds_of_every_operation().index(kind)
+    return Program(
+        kind.value, whole.inputs, (Port("y", (1,)),), whole.instructions, ((whole.results[0][k],),)
+    )
+
+
 def round_off(program: Program, inputs: list[np.ndarray], unit: float = EPS) -> list[np.ndarray]:
     """Bound of the error of each output: half a unit for each operation, carried on to first order.
 

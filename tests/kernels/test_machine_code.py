@@ -15,15 +15,17 @@ from stewart_pin.kernels.llvm_module import module_for_ranges
 from stewart_pin.kernels.machine_code import assembly
 from stewart_pin.kernels.preparing import prepare
 from stewart_pin.kernels.program import LIBRARY, Kind, Port, Program, ProgramBuilder, operation_counts
-from stewart_pin.kernels.target import Target, host_target, load_llvm, narrow_target
+from stewart_pin.kernels.target import Target, load_llvm, narrow_target
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 from tests.kernels.programs import (
     dense_solve,
     every_operation,
     kinds_of_every_operation,
+    one_operation,
     random_program,
     round_off,
 )
+from tests.kernels.targets import TARGETS
 
 pytest.importorskip("llvmlite")
 
@@ -31,15 +33,6 @@ DOUBLE, SINGLE = np.dtype(np.float64), np.dtype(np.float32)
 HEXAPOD = prepare(program_from_casadi(sample_inverse_dynamics()))
 
 
-def _targets() -> dict[str, Target]:
-    host = host_target()
-    found = {"host": host}
-    if host.triple.startswith("x86_64"):  # code for fewer registers runs as well
-        found |= {f"{8 * n} bits": narrow_target(n) for n in (16, 32, 64) if n <= host.vector_bytes}
-    return found
-
-
-TARGETS = _targets()
 each_target = pytest.mark.parametrize("target", TARGETS.values(), ids=TARGETS)
 each_type = pytest.mark.parametrize("dtype", [DOUBLE, SINGLE], ids=str)
 
@@ -50,15 +43,6 @@ def special_values(dtype: np.dtype, rng: np.random.Generator) -> np.ndarray:
     values = np.array([0.0, -0.0, 1.0, -1.0, 0.5, 2.5, -3.25, tiny, -tiny, huge, -huge], dtype=dtype)
     grid = np.array(np.meshgrid(values, values, values[:8])).reshape(3, -1).T
     return np.concatenate([grid, rng.normal(size=(500, 3)).astype(dtype)])
-
-
-def one_operation(kind: Kind) -> Program:
-    """Take the program of one operation on three inputs."""
-    whole = every_operation()
-    k = kinds_of_every_operation().index(kind)
-    return Program(
-        kind.value, whole.inputs, (Port("y", (1,)),), whole.instructions, ((whole.results[0][k],),)
-    )
 
 
 @each_type
