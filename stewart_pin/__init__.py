@@ -141,6 +141,8 @@ from stewart_pin.mechanics.motion_map import MotionMap as MotionMap
 from stewart_pin.mechanics.motion_map import motion_map as motion_map
 from stewart_pin.mechanics.operational_dynamics import OperationalDynamics as OperationalDynamics
 from stewart_pin.mechanics.operational_dynamics import operational_dynamics as operational_dynamics
+from stewart_pin.mechanics.reactions import Reaction as Reaction
+from stewart_pin.mechanics.reactions import joint_reactions as joint_reactions
 from stewart_pin.model.chain import ClosedChain as ClosedChain
 from stewart_pin.motion.accelerograms import Accelerogram as Accelerogram
 from stewart_pin.motion.accelerograms import accelerogram as accelerogram
