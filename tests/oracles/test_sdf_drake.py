@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from lxml import etree
 
 from stewart_pin.model.description import JointKind, Mechanism
 from stewart_pin.model.formats.sdf import read_sdf
 from stewart_pin.model.tree import build_tree, link_frame
 from stewart_pin.model.validation import validate
+from tests.building import cassie
 from tests.small_sdf import TREES, write
 
 pytest.importorskip("pydrake", reason="needs Drake: pip install 'stewart_pin[oracles]'")
@@ -55,7 +57,7 @@ class Both:
     def body(self, link: str):
         """Find Drake's body of a link; a nested model is a model instance there."""
         *scopes, name = link.split("::")
-        instance = "::".join(["small", *scopes])
+        instance = "::".join([self.mechanism.name, *scopes])
         return self.plant.GetBodyByName(name, self.plant.GetModelInstanceByName(instance))
 
     def move(self, rng: np.random.Generator) -> None:
@@ -132,7 +134,10 @@ class Both:
 
 @pytest.mark.parametrize("name", TREES)
 def test_drake_reads_the_same_tree(name: str, tmp_path: Path, rng: np.random.Generator) -> None:
-    both = Both(write(tmp_path, TREES[name]))
+    _compare(Both(write(tmp_path, TREES[name])), rng)
+
+
+def _compare(both: Both, rng: np.random.Generator) -> None:
     both.compare()
     for _ in range(3):
         both.move(rng)
@@ -153,6 +158,23 @@ def test_drake_reads_the_same_tree(name: str, tmp_path: Path, rng: np.random.Gen
         mass = free.T @ (np.triu(mass) + np.triu(mass, 1).T) @ free
         drakes = turn.T @ both.plant.CalcMassMatrix(both.context) @ turn
         assert np.abs(mass - drakes).max() < _EXACT * max(1.0, np.abs(mass).max())
+
+
+@pytest.mark.parametrize("name", cassie.FILES)
+def test_drake_reads_the_same_cassie(name: str, tmp_path: Path, rng: np.random.Generator) -> None:
+    """Without the joints that close loops, which Drake does not read, and without gearboxes, which it ignores."""
+    if cassie.folder() is None:
+        pytest.skip("needs the package example-robot-data")
+    path = write(tmp_path, cassie.text(name))
+    cut = {part.name for part in (*read_sdf(path).loops, *read_sdf(path).couplings)}
+    assert len(cut) in (4, 16)
+    root = etree.fromstring(cassie.text(name).encode())
+    for joint in root.findall("model/joint"):
+        if joint.get("name") in cut:
+            joint.getparent().remove(joint)
+    for visual in [*root.iter("visual"), *root.iter("collision"), *root.iter("plugin")]:
+        visual.getparent().remove(visual)
+    _compare(Both(write(tmp_path, etree.tostring(root, encoding="unicode"))), rng)
 
 
 def test_the_catalogue_has_every_kind(tmp_path: Path) -> None:
