@@ -103,6 +103,58 @@ def test_where_an_axis_points(
     np.testing.assert_array_equal(position(mechanism, "b", j=1.0), expected)
 
 
+def test_a_hinge_turned_in_its_link_has_another_axis(tmp_path: Path) -> None:
+    """The hinge's z axis, turned by a quarter turn about x, is the link's -y axis; a slide may stand anywhere."""
+    turned = f"0 0 0 {np.pi / 2!r} 0 0"
+    mechanism = read(
+        tmp_path,
+        link("a"),
+        link("b", "0 0 1 0 0 0"),
+        link("c", "0 0 2 0 0 0"),
+        HOLD,
+        joint("j", "a", "b", pose=turned),
+        joint("k", "a", "c", "prismatic", pose="5 6 7" + turned[5:]),
+    )
+    np.testing.assert_allclose(mechanism.joint("j").axis, [0, -1, 0], atol=1e-15)
+    np.testing.assert_array_equal(position(mechanism, "c", k=0.5), [0, -0.5, 2])
+    assert len(mechanism.links) == 4
+
+
+def test_angles_in_degrees_and_quaternions(tmp_path: Path) -> None:
+    """A third of a turn about (1, 1, 1) takes x to y; 90 degrees about z does as well."""
+    poses = {
+        "a": '<pose rotation_format="quat_xyzw">0 0 0 2 2 2 2</pose>',
+        "b": '<pose degrees="true">0 0 0 0 0 90</pose>',
+    }
+    here = standing(read(tmp_path, *(f'<link name="{name}">{pose}</link>' for name, pose in poses.items())))
+    for name in poses:
+        np.testing.assert_allclose(here[name].rotation[:, 0], [0, 1, 0], atol=1e-15)
+
+
+def test_the_pose_of_a_model_may_be_that_of_a_frame_in_it(tmp_path: Path) -> None:
+    """The tip, 1 m beside the link, is placed at (5, 0, 0), turned half round: the link is at (6, 0, 0)."""
+    mechanism = read(
+        tmp_path,
+        f"<pose>5 0 0 0 0 {np.pi!r}</pose>",
+        link("a"),
+        frame("tip", "1 0 0 0 0 0", attached_to="a"),
+        attributes='placement_frame="tip"',
+    )
+    np.testing.assert_array_equal(position(mechanism, "a"), [6, 0, 0])
+    np.testing.assert_array_equal(position(mechanism, "tip"), [5, 0, 0])
+
+
+@pytest.mark.parametrize(("attributes", "carrier"), [("", "a"), ('canonical_link="b"', "b")])
+def test_the_frame_of_the_model_goes_with_its_canonical_link(
+    tmp_path: Path, attributes: str, carrier: str
+) -> None:
+    mechanism = read(
+        tmp_path, link("a"), link("b", "0 0 1 0 0 0"), frame("f", "1 2 3 0 0 0"), attributes=attributes
+    )
+    assert mechanism.joint("f_frame").parent == carrier
+    np.testing.assert_array_equal(position(mechanism, "f"), [1, 2, 3])
+
+
 def test_frames_may_be_the_platform(tmp_path: Path) -> None:
     mechanism = read(
         tmp_path,
@@ -245,6 +297,7 @@ def test_the_file_may_choose_the_joint_that_closes_a_loop(tmp_path: Path) -> Non
     mark = "<physics><simbody><must_be_loop_joint>true</must_be_loop_joint></simbody></physics>"
     mechanism = read(tmp_path, *TWO, HOLD, joint("j", "a", "b", content=mark), joint("k", "a", "b"))
     assert [loop.name for loop in mechanism.loops] == ["j"]
+    assert any("<must_be_loop_joint>" in note.text for note in mechanism.notes)
     alone = read(tmp_path, *TWO, HOLD, joint("j", "a", "b", content=mark))
     assert [x.name for x in alone.joints if x.kind is JointKind.FLOATING] == ["b_floating"]
 
@@ -355,8 +408,12 @@ def test_motors_where_every_axis_states_its_effort(tmp_path: Path) -> None:
     parts = (*TWO, link("c"), HOLD, joint("j", "a", "b", axis=effort(5)))
     marked = read(tmp_path, *parts, joint("k", "b", "c", axis=effort(0)))
     assert [x.name for x in marked.joints if x.independent] == ["j"]
-    unsaid = read(tmp_path, *parts, joint("k", "b", "c"))
-    assert not any(x.independent for x in unsaid.joints)
+    for rest in (
+        (joint("k", "b", "c"),),
+        (joint("k", "b", "c", axis=effort(0)), link("d"), joint("m", "c", "d")),
+        (joint("k", "b", "c", axis=effort(3)),),
+    ):
+        assert not any(x.independent for x in read(tmp_path, *parts, *rest).joints)
 
 
 def test_limits(tmp_path: Path) -> None:
@@ -369,6 +426,9 @@ def test_limits(tmp_path: Path) -> None:
         joint("j", "a", "b", axis=axis),
         joint("k", "b", "c", axis="<limit><lower>-0.5</lower><upper>1.5</upper><effort>7</effort></limit>"),
     )
+    endless = joint("j", "a", "b", "continuous", axis="<limit><lower>-1</lower><upper>1</upper></limit>")
+    (turn,) = [x for x in read(tmp_path, *TWO, HOLD, endless).joints if x.name == "j"]
+    assert (turn.lower, turn.upper) == (-np.inf, np.inf)
     j, k = mechanism.joint("j"), mechanism.joint("k")
     assert (j.lower, j.upper, j.effort, j.velocity) == (-np.inf, np.inf, np.inf, 2)
     assert (k.lower, k.upper, k.effort, k.velocity) == (-0.5, 1.5, 7, np.inf)
@@ -438,6 +498,10 @@ def test_a_link_without_inertial_weighs_one_kilogram(tmp_path: Path) -> None:
     mechanism = read(tmp_path, link("a", content=""), link("b"), HOLD, joint("j", "a", "b"))
     inertia = mechanism.link("a").inertia
     assert inertia is not None and inertia.mass == 1 and (inertia.inertia == np.eye(3)).all()
+    some = BODY.replace("<ixx>0.5</ixx>", "").replace("<ixy>0.01</ixy>", "").replace("<mass>2</mass>", "")
+    half = read(tmp_path, link("a", content=some.replace("0.2 -0.1 0.4", "0 0 0"))).link("a").inertia
+    assert half is not None and half.mass == 1
+    np.testing.assert_array_equal(half.inertia, [[1, 0, -0.02], [0, 0.6, 0.03], [-0.02, 0.03, 0.7]])
     assert any("1 kg" in note.text and note.outcome is Outcome.KEPT for note in mechanism.notes)
 
 
@@ -503,6 +567,10 @@ ODD = {
     "a plugin that couples": (
         sdf(A, '<plugin name="m" filename="libmimic_joint.so"/>'),
         "could hold or couple links while the simulation runs",
+    ),
+    "a plugin with a mimic": (
+        sdf(A, '<plugin name="p" filename="libcontrol.so"><mimicJoint>j</mimicJoint></plugin>'),
+        "could hold or couple",
     ),
     "a plugin that holds": (
         sdf(A, '<plugin name="gz::sim::systems::DetachableJoint" filename="gz-sim-detachable-joint-system"/>'),
