@@ -141,6 +141,8 @@ def plan_platform(chain: ClosedChain) -> PlatformPlan:
     tree = tree_of(chain)
     if not tree.platform:
         raise _unsupported(chain, "the platform is the ground")
+    if tree.couplings:
+        raise _unsupported(chain, f"row '{chain.loop_table.names[tree.couplings[0].index]}' couples joints")
     tree = _in_platform_frame(tree)
     loops = list(tree.loops)
     carrier = tree.joints[tree.platform - 1]

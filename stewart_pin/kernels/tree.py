@@ -5,7 +5,6 @@ Bodies are numbered as the joints that carry them in Pinocchio's model; body 0 i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,6 +101,30 @@ class LoopEnds:
 
 
 @dataclass(frozen=True, eq=False)
+class CouplingRow:
+    """A row ``q1 - p(q2) = 0`` between two joints.
+
+    Attributes
+    ----------
+    index
+        Place among all loop rows.
+    q1, v1
+        Entries of joint 1 in configuration and tangent.
+    q2, v2
+        Entries of joint 2, or -1 where there is none.
+    polynomial
+        (n,) coefficients of p from the constant one on [unit of joint 1 per power of the unit of joint 2].
+    """
+
+    index: int
+    q1: int
+    v1: int
+    q2: int
+    v2: int
+    polynomial: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class Tree:
     """Constants of a chain.
 
@@ -111,6 +134,8 @@ class Tree:
         Joints; entry k carries body k + 1.
     loops
         Loops.
+    couplings
+        Rows between pairs of joints.
     nq, nv, nc
         Sizes of configuration, tangent and loop rows.
     motors
@@ -129,6 +154,7 @@ class Tree:
 
     joints: tuple[TreeJoint, ...]
     loops: tuple[LoopEnds, ...]
+    couplings: tuple[CouplingRow, ...]
     nq: int
     nv: int
     nc: int
@@ -181,6 +207,7 @@ def tree_of(chain: ClosedChain) -> Tree:
     return Tree(
         joints=tuple(_joint(chain, k) for k in range(1, chain.model.njoints)),
         loops=_loops(chain),
+        couplings=_couplings(chain),
         nq=chain.nq,
         nv=chain.nv,
         nc=chain.nc,
@@ -253,8 +280,10 @@ def _loops(chain: ClosedChain) -> tuple[LoopEnds, ...]:
                 index=tuple(range(place.start, place.stop)),
             )
         )
-    covered = sum(len(loop.rows) for loop in loops)
-    if covered != chain.nc:
-        names: Sequence[str] = table.names[covered:]
-        raise UnsupportedError(f"kernels have no graph for the closure row(s) {', '.join(names)}")
     return tuple(loops)
+
+
+def _couplings(chain: ClosedChain) -> tuple[CouplingRow, ...]:
+    rows = chain.loop_table.coupling
+    entries = zip(rows.index, rows.q1, rows.v1, rows.q2, rows.v2, rows.polynomial, strict=True)
+    return tuple(CouplingRow(*(int(k) for k in places), polynomial) for *places, polynomial in entries)

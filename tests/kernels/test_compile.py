@@ -108,6 +108,21 @@ def test_motor_coordinates_agree(name: str, rng: np.random.Generator) -> None:
     close(moved, acceleration, 1e-9)
 
 
+def test_gears_and_threads_in_motor_coordinates(rng: np.random.Generator) -> None:
+    chain = mechanisms.gear_train(rng)
+    many, states = compile_kernels(chain, coordinates="motor"), []
+    for _ in range(3):
+        q = random_configuration(chain, rng, 0.3)
+        v, a = random_motion(chain, rng, q)
+        states.append((q, v, a))
+    position = np.array([q[chain.motor_q_index] for q, _, _ in states])
+    velocity, acceleration = (np.array([s[k][chain.motor_index] for s in states]) for k in (1, 2))
+    tau_motor = many.inverse_dynamics(position, velocity, acceleration)
+    for k, (q, v, a) in enumerate(states):
+        close(tau_motor[k], stp.inverse_dynamics(chain, q, v, a).tau_motor, AGREE)
+    close(many.forward_dynamics(position, velocity, tau_motor), acceleration, AGREE)
+
+
 def test_a_redundant_arm_needs_motor_coordinates() -> None:
     with pytest.raises(stp.errors.UnsupportedError, match=r"1 freedom.* coordinates='motor'"):
         compile_kernels(robot("arm_7r"))

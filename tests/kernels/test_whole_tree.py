@@ -28,6 +28,7 @@ BUILDERS: dict[str, Callable[[np.random.Generator], stp.ClosedChain]] = {
     "four-bar, redundant rows": lambda rng: mechanisms.four_bar(JointKind.REVOLUTE),
     "five-bar, redundant motor": lambda rng: mechanisms.five_bar(),
     "five-bar, two pins": lambda rng: held_twice(),
+    "gears and threads": mechanisms.gear_train,
     "arm": lambda rng: mechanisms.arm(rng, 4),
     "six cranks, idle rods": lambda rng: mechanisms.rotary_hexapod(),
     **{name: lambda rng, name=name: robot(name) for name in stp.robots()},

@@ -256,7 +256,7 @@ def closing_step_function(driven: DrivenTree) -> ca.Function:
     """
     closed, tree, chain = driven.closed, driven.closed.tree, driven.closed.chain
     share = ca.SX.sym("share")
-    loops = loop_gaps(tree, closed.at)
+    loops = loop_gaps(tree, closed.at, closed.q)
     if driven.coordinates == "platform":
         target = ca.SX.sym("target", 7)
         off, sizes = _pose_error(closed, target), np.repeat([chain.length_scale, 1.0], 3)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import casadi as ca
 
 from stewart_pin.kernels.graph.joint_motion import Placements
+from stewart_pin.kernels.graph.loop_rows import follower
 from stewart_pin.kernels.spatial import constant, rotation_constant
 from stewart_pin.kernels.tree import Tree
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow
 
 
-def loop_gaps(tree: Tree, at: Placements) -> ca.SX:
+def loop_gaps(tree: Tree, at: Placements, q: ca.SX) -> ca.SX:
     """Evaluate the gap of the loops.
 
     Parameters
@@ -19,11 +20,13 @@ def loop_gaps(tree: Tree, at: Placements) -> ca.SX:
         Constants.
     at
         Placements of the bodies.
+    q
+        (nq, 1) configuration.
 
     Returns
     -------
     casadi.SX
-        (nc, 1) as `stewart_pin.loop_gap` [m and dimensionless]; rows of couplings are left at zero.
+        (nc, 1) as `stewart_pin.loop_gap` [m, rad and dimensionless].
     """
     gap = ca.SX(tree.nc, 1)
     for loop in tree.loops:
@@ -40,4 +43,6 @@ def loop_gaps(tree: Tree, at: Placements) -> ca.SX:
                     gap[index] = ca.dot(constant(row.u1), rotation @ constant(row.u2))
                 case LengthRow():
                     gap[index] = ca.norm_2(reach) - row.length
+    for row in tree.couplings:
+        gap[row.index] = q[row.q1] - follower(row, q, 0)
     return gap

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
+from numpy.polynomial.polynomial import polyder
 
 from stewart_pin.kernels.graph.joint_efforts import Wrench, efforts_of_wrenches, moments_of
 from stewart_pin.kernels.graph.joint_motion import Motions, Placements
 from stewart_pin.kernels.spatial import constant, rotation_constant
-from stewart_pin.kernels.tree import LoopEnds, Tree
+from stewart_pin.kernels.tree import CouplingRow, LoopEnds, Tree
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow
 
@@ -38,7 +39,7 @@ class LoopColumns:
     turn: ca.SX
 
 
-def loop_columns(tree: Tree, at: Placements) -> LoopColumns:
+def loop_columns(tree: Tree, at: Placements, q: ca.SX) -> LoopColumns:
     """Evaluate the rows of a closed chain.
 
     Parameters
@@ -47,6 +48,8 @@ def loop_columns(tree: Tree, at: Placements) -> LoopColumns:
         Constants.
     at
         Placements of the bodies, with closed loops.
+    q
+        (nq, 1) configuration.
 
     Returns
     -------
@@ -67,7 +70,34 @@ def loop_columns(tree: Tree, at: Placements) -> LoopColumns:
             loop.body2: _about_origin(wrench2, constant(loop.translation2)),
         }
         columns[:, index] = efforts_of_wrenches(tree.joints, at, wrenches, len(index))
+    for row in tree.couplings:
+        columns[row.v1, row.index] = 1
+        if row.v2 >= 0:
+            columns[row.v2, row.index] = -follower(row, q, 1)
     return LoopColumns(columns, turn)
+
+
+def follower(row: CouplingRow, q: ca.SX, order: int) -> ca.SX:
+    """Evaluate the polynomial of a coupling or a derivative of it.
+
+    Parameters
+    ----------
+    row
+        The coupling.
+    q
+        (nq, 1) configuration.
+    order
+        0 for where joint 1 stands, 1 for the slope, 2 for its rate.
+
+    Returns
+    -------
+    casadi.SX
+        (1, 1), by Horner's rule.
+    """
+    value = ca.SX(0)
+    for coefficient in polyder(row.polynomial, order)[::-1]:
+        value = value * (q[row.q2] if row.q2 >= 0 else 0) + float(coefficient)
+    return value
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +172,9 @@ def _about_origin(wrenches: ca.SX, arm: ca.SX) -> Wrench:
     return forces, wrenches[3:, :] + moments_of(arm, forces)
 
 
-def loop_bias(tree: Tree, at: Placements, drifting: Motions, columns: LoopColumns) -> ca.SX:
+def loop_bias(
+    tree: Tree, at: Placements, drifting: Motions, columns: LoopColumns, q: ca.SX, v: ca.SX
+) -> ca.SX:
     """Evaluate the rows' accelerations.
 
     Parameters
@@ -155,6 +187,8 @@ def loop_bias(tree: Tree, at: Placements, drifting: Motions, columns: LoopColumn
         Motions of the bodies without gravity; with zero joint accelerations the result is the bias.
     columns
         The rows, as they are turned.
+    q, v
+        (nq, 1) configuration and (nv, 1) velocity.
 
     Returns
     -------
@@ -164,6 +198,9 @@ def loop_bias(tree: Tree, at: Placements, drifting: Motions, columns: LoopColumn
     values = ca.SX(tree.nc, 1)
     for loop in tree.loops:
         values[list(loop.index)] = _row_accelerations(loop, _between(loop, at), at, drifting)
+    for row in tree.couplings:
+        if row.v2 >= 0:
+            values[row.index] = -follower(row, q, 2) * v[row.v2] ** 2
     return columns.turn.T @ values
 
 

@@ -103,7 +103,7 @@ def close_tree(chain: ClosedChain) -> ClosedTree:
     tree = tree_of(chain)
     q = ca.SX.sym("q", tree.nq)
     at = placements(tree.joints, [joint_placement(joint, q[joint.q]) for joint in tree.joints])
-    columns = loop_columns(tree, at)
+    columns = loop_columns(tree, at, q)
     samples = closed_samples(chain)
     values = at_samples([q], [samples], columns.transpose)
     values = values * chain.tangent_scale[:, None] / row_sizes(chain)
@@ -264,7 +264,7 @@ def tree_bias(closed: ClosedTree, v: ca.SX) -> ca.SX:
     """
     joints, still = closed.tree.joints, ca.SX.zeros(closed.tree.nv)
     drifting = motions(joints, closed.at, v, still, at_rest(ca.SX.zeros(3)))
-    return loop_bias(closed.tree, closed.at, drifting, closed.columns)
+    return loop_bias(closed.tree, closed.at, drifting, closed.columns, closed.q, v)
 
 
 def inertia_times(closed: ClosedTree, directions: ca.SX) -> ca.SX:

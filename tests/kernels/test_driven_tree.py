@@ -1,0 +1,67 @@
+"""The whole tree driven by its platform or its motors, where idle freedoms have to be given the least norm."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.kernels.graph.driven_tree import (
+    Coordinates,
+    DrivenTree,
+    drive_tree,
+    driven_forward_dynamics,
+    driven_inverse_dynamics,
+    platform_columns,
+)
+from stewart_pin.kernels.graph.whole_tree import close_tree
+from stewart_pin.mechanics.platform import motion_matrix, platform_bias
+from tests.closed_states import close, random_configuration
+from tests.kernels.platforms import skew_rods
+
+
+@cache
+def driven(coordinates: Coordinates) -> DrivenTree:
+    return drive_tree(close_tree(skew_rods()), coordinates)
+
+
+def drive(chain: stp.ClosedChain, coordinates: Coordinates, q: np.ndarray) -> np.ndarray:
+    return (
+        motion_matrix(chain, q)[chain.nc :]
+        if coordinates == "platform"
+        else np.eye(chain.nv)[chain.motor_index]
+    )
+
+
+@pytest.mark.parametrize("coordinates", ["platform", "motor"])
+def test_idle_freedoms_get_the_least_norm(coordinates: Coordinates, rng: np.random.Generator) -> None:
+    tree = driven(coordinates)
+    chain = tree.closed.chain
+    assert tree.idle.shape[1] == 6
+    inverse, forward = driven_inverse_dynamics(tree), driven_forward_dynamics(tree)
+    for _ in range(2):
+        q = random_configuration(chain, rng, 0.1)
+        rows = np.vstack([stp.loop_jacobian(chain, q), drive(chain, coordinates, q)])
+        velocity, acceleration = rng.normal(size=(2, rows.shape[0] - chain.nc))
+        v = np.linalg.lstsq(rows, np.concatenate([np.zeros(chain.nc), velocity]), rcond=1e-10)[0]
+        bias = platform_bias(chain, q, v) if coordinates == "platform" else np.zeros(chain.nu)
+        demand = np.concatenate([-stp.loop_bias(chain, q, v), acceleration - bias])
+        a = np.linalg.lstsq(rows, demand, rcond=1e-10)[0]
+        tau_motor, infeasible = inverse.call([ca.DM(x) for x in (q, velocity, acceleration)])
+        expected = stp.inverse_dynamics(chain, q, v, a).tau_motor
+        close(np.array(tau_motor).ravel(), expected, 1e-10)
+        assert float(infeasible) == 0.0
+        moved = stp.forward_dynamics(chain, q, v, expected).a
+        found = forward.call([ca.DM(x) for x in (q, velocity, expected)])[0]
+        close(np.array(found).ravel(), drive(chain, coordinates, q) @ moved + bias, 1e-10)
+
+
+def test_platform_columns_are_its_jacobian(rng: np.random.Generator) -> None:
+    tree = driven("platform")
+    chain, closed = tree.closed.chain, tree.closed
+    q = random_configuration(chain, rng, 0.1)
+    columns = ca.Function("columns", [closed.q], [platform_columns(closed)])
+    close(np.array(columns(q)).T, motion_matrix(chain, q)[chain.nc :], 1e-12)
