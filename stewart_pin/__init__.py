@@ -19,7 +19,11 @@ from stewart_pin.building.from_hexapod import hexapod_chain as hexapod_chain
 from stewart_pin.building.hexapod_table import hexapod_inertias as hexapod_inertias
 from stewart_pin.building.hexapod_table import read_hexapod as read_hexapod
 from stewart_pin.building.loading import load as load
+from stewart_pin.building.locking import lock_joints as lock_joints
 from stewart_pin.building.resources import robots as robots
+from stewart_pin.building.roles import with_motors as with_motors
+from stewart_pin.building.roles import with_platform as with_platform
+from stewart_pin.building.variants import attach_payload as attach_payload
 from stewart_pin.building.variants import massless_legs as massless_legs
 from stewart_pin.building.variants import replace_inertias as replace_inertias
 from stewart_pin.closure.equations import loop_bias as loop_bias

@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.building.loading import build_chain
+from stewart_pin.building.roles import require_link, with_fixed_link
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.model.chain import ClosedChain
-from stewart_pin.model.description import JointKind, Mechanism
+from stewart_pin.model.chain import ClosedChain, as_pose
+from stewart_pin.model.description import JointKind, Link, Mechanism
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import validate
 
@@ -50,6 +52,57 @@ def replace_inertias(chain: ClosedChain, inertias: Mapping[str, pin.Inertia]) ->
     mechanism = replace(chain.mechanism, links=links)
     validate(mechanism)
     return replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
+
+
+def attach_payload(
+    chain: ClosedChain,
+    inertia: pin.Inertia,
+    *,
+    link: str | None = None,
+    placement: pin.SE3 | None = None,
+    name: str = "payload",
+) -> ClosedChain:
+    """Bolt a rigid body to a link.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    inertia
+        Mass, centre of mass and inertia about it in the payload's own frame [kg, m, kg m²].
+    link
+        Name of the link that carries it; default: the platform.
+    placement
+        Payload frame in that link; default: the link's frame.
+    name
+        Name of the new link.
+
+    Returns
+    -------
+    ClosedChain
+        Same joints, loops, motors, platform and home, and a link that is fixed to the carrier.
+
+    Raises
+    ------
+    InputError
+        If there is no such link, the name is taken, or the inertia is none.
+    MechanismError
+        If the inertia is unphysical.
+
+    Examples
+    --------
+    >>> import numpy as np, pinocchio as pin, stewart_pin as stp
+    >>> box = pin.Inertia(12.0, np.array([0.0, 0.0, 0.1]), 0.1 * np.eye(3))
+    >>> chain = stp.attach_payload(stp.load("stewart"), box)
+    >>> effort = stp.inverse_dynamics(chain, chain.q_home, np.zeros(chain.nv), np.zeros(chain.nv))
+    """
+    if not isinstance(inertia, pin.Inertia):
+        raise InputError(f"inertia must be a pinocchio.Inertia, got {type(inertia).__name__}")
+    mechanism, carrier = chain.described(), chain.platform if link is None else link
+    require_link(mechanism, "link", carrier)
+    placement = pin.SE3.Identity() if placement is None else as_pose("placement", placement)
+    mechanism = with_fixed_link(mechanism, Link(name, inertia), carrier, placement)
+    return build_chain(mechanism, motors=chain.motors, platform=chain.platform, gravity=chain.gravity)
 
 
 def massless_legs(chain: ClosedChain, *, point_platform: bool = False) -> ClosedChain:
