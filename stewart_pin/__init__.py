@@ -116,6 +116,8 @@ from stewart_pin.mechanics.effort import Effort as Effort
 from stewart_pin.mechanics.effort import Motion as Motion
 from stewart_pin.mechanics.forward_solutions import ForwardSolutions as ForwardSolutions
 from stewart_pin.mechanics.forward_solutions import all_forward_kinematics as all_forward_kinematics
+from stewart_pin.mechanics.freedom import FreedomCount as FreedomCount
+from stewart_pin.mechanics.generic import generic_freedom as generic_freedom
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics as inverse_dynamics
 from stewart_pin.mechanics.joint_motor_map import JointMotorMap as JointMotorMap
 from stewart_pin.mechanics.joint_motor_map import joint_motor_map as joint_motor_map
@@ -147,6 +149,10 @@ from stewart_pin.mechanics.operational_dynamics import OperationalDynamics as Op
 from stewart_pin.mechanics.operational_dynamics import operational_dynamics as operational_dynamics
 from stewart_pin.mechanics.reactions import Reaction as Reaction
 from stewart_pin.mechanics.reactions import joint_reactions as joint_reactions
+from stewart_pin.mechanics.singularity import Screw as Screw
+from stewart_pin.mechanics.singularity import Singularity as Singularity
+from stewart_pin.mechanics.singularity import SingularityKind as SingularityKind
+from stewart_pin.mechanics.singularity import classify_singularity as classify_singularity
 from stewart_pin.model.chain import ClosedChain as ClosedChain
 from stewart_pin.motion.accelerograms import Accelerogram as Accelerogram
 from stewart_pin.motion.accelerograms import accelerogram as accelerogram

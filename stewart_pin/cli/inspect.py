@@ -11,7 +11,8 @@ from rich.table import Table
 
 from stewart_pin.building.loading import load
 from stewart_pin.cli.output import console, write_json
-from stewart_pin.mechanics.mobility import SAMPLES, Mobility, mobility
+from stewart_pin.mechanics.generic import SAMPLES
+from stewart_pin.mechanics.mobility import Mobility, mobility
 
 _SHOWN = 12
 """Most sets of spare motors in the table; the file has all that were found."""

@@ -14,12 +14,10 @@ import pinocchio as pin
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.capability.platform_space import platform_space
-from stewart_pin.mechanics.freedom import Freedom
+from stewart_pin.mechanics.freedom import TWIST_AXES, Freedom
 from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
-
-TWIST_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +199,7 @@ def _platform_coordinates(chain: ClosedChain, q: Configuration, freedom: Freedom
     if space.aligned is not None:
         axes = list(space.aligned)
         sizes = np.where(np.array(axes) < 3, chain.length_scale, 1.0)
-        return _twist_coordinates(chain, q, np.eye(6)[:, axes], tuple(TWIST_NAMES[k] for k in axes), sizes)
+        return _twist_coordinates(chain, q, np.eye(6)[:, axes], tuple(TWIST_AXES[k] for k in axes), sizes)
     names = tuple(f"mode {k + 1}" for k in range(space.basis.shape[1]))
     basis = space.basis / np.repeat([1.0, space.length], 3)[:, None]
     return _twist_coordinates(chain, q, basis, names, np.full(len(names), chain.length_scale))

@@ -9,16 +9,12 @@ import pinocchio as pin
 import scipy.linalg
 
 from stewart_pin.closure.equations import loop_jacobian, row_sizes
-from stewart_pin.closure.newton import close_loops
-from stewart_pin.mechanics.freedom import Freedom, analyse_freedom
+from stewart_pin.mechanics.freedom import Freedom
+from stewart_pin.mechanics.generic import nearby_freedoms
 from stewart_pin.mechanics.motor_sets import analyse_motors
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray
 
-SAMPLES = 4
-"""Random configurations that are tried."""
-_SPREAD = 0.1
-"""How far from home the samples are drawn, in robot sizes and radians."""
 _REST = 1e-8
 """Velocities below this count as rest, relative to the largest."""
 
@@ -99,8 +95,7 @@ def mobility(chain: ClosedChain) -> Mobility:
     >>> found.dof, found.verdict, found.free_joints, found.suggestion
     (2, 'too few', ('left_knee', 'right_hip', 'right_knee'), ('left_hip', 'right_hip'))
     """
-    home = analyse_freedom(chain, chain.q_home)
-    samples = [(q, analyse_freedom(chain, q)) for q in _nearby(chain)]
+    (_, home), *samples = nearby_freedoms(chain)
     # A generic configuration has the fewest freedoms, and among these the fewest lost ones; home is often symmetric.
     q, generic = min(
         [*samples, (chain.q_home, home)], key=lambda c: (c[1].motions.shape[1], c[1].lost.shape[1])
@@ -126,17 +121,6 @@ def mobility(chain: ClosedChain) -> Mobility:
         suggestion=motors.suggestion,
         verdict=verdict,
     )
-
-
-def _nearby(chain: ClosedChain) -> list[Configuration]:
-    """Random closed configurations; those that do not close are left out."""
-    rng, found = np.random.default_rng(0), []
-    for _ in range(SAMPLES):
-        step = rng.uniform(-_SPREAD, _SPREAD, chain.nv) * chain.tangent_scale
-        closure = close_loops(chain, pin.integrate(chain.model, chain.q_home, step), throw=False)
-        if closure.success:
-            found.append(closure.q)
-    return found
 
 
 def _redundant_rows(chain: ClosedChain, q: Configuration, rank: int) -> tuple[str, ...]:

@@ -101,7 +101,7 @@ def test_where_nothing_else_closes_home_is_all_there_is(monkeypatch: pytest.Monk
     def open_loops(chain, q, **_):
         return stp.Closure(q, 1.0, 100, success=False)
 
-    monkeypatch.setattr("stewart_pin.mechanics.mobility.close_loops", open_loops)
+    monkeypatch.setattr("stewart_pin.mechanics.generic.close_loops", open_loops)
     found = stp.mobility(robot("stewart"))
     assert (found.dof, found.dof_samples, found.home_singular) == (6, (), False)
 

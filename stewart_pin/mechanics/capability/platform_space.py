@@ -10,7 +10,7 @@ from stewart_pin.checks import as_positive
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.mechanics.capability.enumeration import Shape
 from stewart_pin.mechanics.capability.polytope import Polytope
-from stewart_pin.mechanics.freedom import RANK, Freedom
+from stewart_pin.mechanics.freedom import RANK, TWIST_AXES, Freedom
 from stewart_pin.mechanics.kinematics import motion_matrix
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
@@ -19,7 +19,6 @@ _ALONG = 1e-9
 """Distance of an axis from the space of motions below which the platform moves along it, lengths normalised."""
 _NO_LIMIT = 1e20
 """Files write 1e30 where a joint has no limit."""
-_TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
 _WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
@@ -68,7 +67,7 @@ class PlatformSpace:
             scale, basis = np.ones(d), self.basis / stretch[:, None]
         else:
             axes = list(self.aligned)
-            names = tuple((_TWIST if velocity else _WRENCH)[k] for k in axes)
+            names = tuple((TWIST_AXES if velocity else _WRENCH)[k] for k in axes)
             units = tuple((("m/s", "rad/s") if velocity else ("N", "N m"))[k // 3] for k in axes)
             scale, basis = stretch[axes], self.basis
         return Polytope(
@@ -114,7 +113,8 @@ def platform_space(
     twist = motion_matrix(chain, q)[chain.nc :] @ freedom.motions
     twist[3:] *= length
     u, s, _ = np.linalg.svd(twist)
-    d = int(np.count_nonzero(s > RANK * s[0])) if s.size and s[0] > 0 else 0
+    # Against the size of the robot: a platform at a dead point does not move, whatever its round-off does.
+    d = int(np.count_nonzero(s > RANK * max(s[0], length))) if s.size else 0
     if d == 0:
         raise UnsupportedError(f"the platform '{chain.platform}' of '{chain.name}' cannot move here")
     basis = u[:, :d]

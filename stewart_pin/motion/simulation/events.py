@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stewart_pin.mechanics.freedom import analyse_freedom
+from stewart_pin.mechanics.generic import generic_freedom
+from stewart_pin.mechanics.singularity.split import SingularityKind, split_jacobians
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.motion.simulation.motors import MotorBank
 from stewart_pin.typing import Configuration, FloatArray, Tangent
@@ -62,6 +63,7 @@ class Watcher:
 
     def __init__(self, chain: ClosedChain, bank: MotorBank, singular: float) -> None:
         self._chain, self._bank, self._singular = chain, bank, singular
+        self._generic = generic_freedom(chain)
         self._beyond = np.zeros((3, chain.nu), dtype=bool)
         self._near_singular = False
         self.events: list[Event] = []
@@ -141,11 +143,11 @@ class Watcher:
         list of Event
             One, if a singularity has come near.
         """
-        freedom = analyse_freedom(self._chain, q)
-        near = freedom.smallest_singular_value < self._singular
+        split = split_jacobians(self._chain, q, self._generic, self._chain.length_scale)
+        hold = split.measures[SingularityKind.MOTOR]
+        near = hold.value < self._singular
         began, self._near_singular = near and not self._near_singular, near
         if not began:
             return []
-        joint = int(np.argmax(np.abs(freedom.weakest / self._chain.tangent_scale)))
-        name = self._chain.tangent_names[joint]
-        return [self.note(Event(t, "singularity", name, freedom.smallest_singular_value, self._singular))]
+        name = self._chain.tangent_names[int(np.argmax(np.abs(hold.motion)))]
+        return [self.note(Event(t, "singularity", name, hold.value, self._singular))]

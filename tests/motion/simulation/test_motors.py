@@ -126,6 +126,9 @@ def test_a_singularity_is_announced() -> None:
     event = state.events[-1]
     assert event.kind == "singularity"
     assert event.value < 0.2
+    # The measure is the one by which configurations are classified.
+    measures = stp.classify_singularity(chain, state.q[-1]).measures
+    assert event.value == pytest.approx(measures["motor"], rel=1e-9)
     assert event.joint in chain.tangent_names
 
 

@@ -1,0 +1,217 @@
+"""Which kind of singularity a configuration is, by counting motions against the usual numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.checks import as_positive
+from stewart_pin.closure.newton import close_loops
+from stewart_pin.errors import InputError
+from stewart_pin.mechanics.capability.velocity import closed_configuration
+from stewart_pin.mechanics.freedom import RANK, TWIST_AXES, FreedomCount, analyse_freedom, counted
+from stewart_pin.mechanics.generic import generic_freedom
+from stewart_pin.mechanics.singularity.screws import Screw, twist_and_wrench
+from stewart_pin.mechanics.singularity.split import MEANING, JacobianSplit, SingularityKind, split_jacobians
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray
+
+_CLEAR = 1e-7
+"""Singular value above which its vector stands clear of those that are always zero: the root of round-off."""
+_ASIDE = 1e-4
+"""Step to a neighbour that is not singular, in robot sizes and radians."""
+
+
+@dataclass(frozen=True, eq=False)
+class Singularity:
+    """What a configuration is like: regular if `kinds` is empty.
+
+    Attributes
+    ----------
+    kinds
+        What goes wrong here, within the tolerance.
+    zlatanov
+        The same in the six classes of [1]_: RI, RO (redundant input, output), II, IO (impossible input, output), IIM
+        (increased instantaneous mobility), RPM (redundant passive motion).
+    count, generic
+        Numbers of motions here, and the usual ones.
+    measures
+        Of each kind the singular value that vanishes there, lengths in robot sizes; the smaller, the nearer.
+    conditions
+        Of each kind the ratio of the largest singular value to it.
+    condition_number
+        Of the map from the twists that the platform can do to motor rates, velocities over `length`; infinite where
+        it or its inverse is singular.
+    length
+        What velocities were divided by [m].
+    worst_twist, worst_wrench
+        The twist that needs the least motor rates, and the wrench that needs the largest motor efforts: with locked
+        motors the platform moves so, and they cannot carry it. Unit length once normalised.
+    lost_twist, carried_wrench
+        The twist that needs the largest motor rates, and the wrench that needs the least motor efforts: at a
+        singularity the platform cannot move so, and the structure carries that wrench alone.
+    motions
+        Of each kind (nv,) the motion whose share of the matrix is least: what is gained there [m, rad].
+    """
+
+    kinds: tuple[SingularityKind, ...]
+    zlatanov: tuple[str, ...]
+    count: FreedomCount
+    generic: FreedomCount
+    measures: dict[SingularityKind, float]
+    conditions: dict[SingularityKind, float]
+    condition_number: float
+    length: float
+    worst_twist: Screw
+    worst_wrench: Screw
+    lost_twist: Screw
+    carried_wrench: Screw
+    motions: dict[SingularityKind, FloatArray]
+
+    def __str__(self) -> str:
+        """Say what it is, and what goes with it."""
+        if not self.kinds:
+            return f"regular, condition number {self.condition_number:.4g} (length {self.length:.4g} m)"
+        return "; ".join(MEANING[kind] for kind in self.kinds) + f" [{', '.join(self.zlatanov)}]"
+
+
+def classify_singularity(
+    chain: ClosedChain,
+    q: ArrayLike,
+    *,
+    axes: Sequence[str] | None = None,
+    length: float | None = None,
+    tolerance: float = 1e-6,
+    generic: FreedomCount | None = None,
+) -> Singularity:
+    """Tell whether a configuration is singular, of which kinds, and what moves or is carried there.
+
+    Parameters
+    ----------
+    chain
+        Closed chain. What the platform is decides what it can lose: of a four-bar, take the rocker.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    axes
+        Components of the twist, in world axes, that count as motion of the platform: ``("vx", "vy")`` where only the
+        path of a point of a planar robot matters; default: all.
+    length
+        Length that makes turning and shifting of the platform comparable; default: ``chain.length_scale`` [m].
+    tolerance
+        Singular values below this count as zero, lengths in robot sizes: a configuration known to 13 digits is only
+        known to half of them where loops depend on each other.
+    generic
+        The usual numbers of motions, with their axes; default: those near home, which `generic_freedom` counts. Pass
+        them to classify many configurations.
+
+    Returns
+    -------
+    Singularity
+        Kinds, measures, condition number, worst twists and wrenches.
+
+    Raises
+    ------
+    InputError
+        If the loops are open at q, or an argument makes no sense.
+
+    References
+    ----------
+    .. [1] D. Zlatanov, R. G. Fenton, B. Benhabib, "A unifying framework for classification and interpretation of
+       mechanism singularities", ASME Journal of Mechanical Design 117, 1995, p. 566.
+    .. [2] C. Gosselin, J. Angeles, "Singularity analysis of closed-loop kinematic chains", IEEE Transactions on
+       Robotics and Automation 6(3), 1990, p. 281.
+
+    Examples
+    --------
+    >>> import numpy as np, stewart_pin as stp
+    >>> arm = stp.load("arm_3r_planar")
+    >>> print(stp.classify_singularity(arm, np.zeros(3)))  # stretched
+    the platform cannot move some way (type I, serial) [RI, IO]
+    """
+    q = closed_configuration(chain, q)
+    length = chain.length_scale if length is None else as_positive("length", length)
+    tolerance = as_positive("tolerance", tolerance)
+    usual = generic_freedom(chain, TWIST_AXES if axes is None else axes) if generic is None else generic
+    if axes is not None and tuple(axes) != usual.axes:
+        raise InputError(f"axes {tuple(axes)} are not those of generic, {usual.axes}; pass one of the two")
+    here = analyse_freedom(chain, q, tolerance=tolerance, axes=usual.axes).count
+    split = split_jacobians(chain, q, usual, length)
+    kinds, letters = _kinds(here, usual)
+    worst, lost, condition = _extreme_directions(split)
+    if split.measures[SingularityKind.PLATFORM].value <= _CLEAR:
+        lost = _lost_direction(chain, q, usual, split)
+    singular = {SingularityKind.MOTOR, SingularityKind.PLATFORM} & set(kinds)
+    return Singularity(
+        kinds=kinds,
+        zlatanov=letters,
+        count=here,
+        generic=usual,
+        measures={kind: measure.value for kind, measure in split.measures.items()},
+        conditions={kind: measure.condition for kind, measure in split.measures.items()},
+        condition_number=np.inf if singular else condition,
+        length=length,
+        worst_twist=twist_and_wrench(worst, length)[0],
+        worst_wrench=twist_and_wrench(worst, length)[1],
+        lost_twist=twist_and_wrench(lost, length)[0],
+        carried_wrench=twist_and_wrench(lost, length)[1],
+        motions={kind: measure.motion * chain.tangent_scale for kind, measure in split.measures.items()},
+    )
+
+
+def _kinds(here: FreedomCount, usual: FreedomCount) -> tuple[tuple[SingularityKind, ...], tuple[str, ...]]:
+    letters = {
+        "RI": here.inner > usual.inner,
+        "RO": here.uncontrolled > usual.uncontrolled,
+        "II": here.motor < usual.motor,
+        "IO": here.platform < usual.platform,
+        "IIM": here.dof > usual.dof,
+        "RPM": here.idle > usual.idle,
+    }
+    kinds = {
+        SingularityKind.LOOP: letters["IIM"],
+        SingularityKind.MOTOR: letters["RO"],
+        SingularityKind.PLATFORM: letters["RI"] or letters["IO"],
+        SingularityKind.PASSIVE: letters["RPM"],
+    }
+    return tuple(k for k, true in kinds.items() if true), tuple(k for k, true in letters.items() if true)
+
+
+def _extreme_directions(split: JacobianSplit) -> tuple[FloatArray, FloatArray, float]:
+    """Normalised twists that need the least and the most motor rates, and the condition number between them."""
+    u, s, _ = np.linalg.svd(split.platform)
+    rank = int(np.count_nonzero(s > RANK * max(1.0, s[0] if s.size else 0.0)))
+    if rank == 0 or not split.motors.size:
+        return np.zeros(6), np.zeros(6), np.inf
+    # In a basis of the twists that the platform can do: those it never does need no motor rates either.
+    feasible = u[:, :rank]
+    to_motors = split.motors @ np.linalg.pinv(feasible.T @ split.platform, rcond=RANK)
+    values, vt = np.linalg.svd(to_motors)[1:]
+    smallest = values[rank - 1] if values.size >= rank else 0.0
+    condition = float(values[0] / smallest) if smallest > RANK * values[0] else np.inf
+    return feasible @ vt[-1], feasible @ vt[0], condition
+
+
+def _lost_direction(
+    chain: ClosedChain, q: Configuration, usual: FreedomCount, split: JacobianSplit
+) -> FloatArray:
+    """Normalised twist that the platform loses at a singularity."""
+    measure = split.measures[SingularityKind.PLATFORM]
+    if usual.platform == len(usual.axes):
+        on = counted(usual.axes) > 0
+        direction = np.zeros(6)
+        direction[on] = np.linalg.svd(split.platform[on])[0][:, -1]
+        return direction
+    # Beside the twist that is lost there are those that it never does; a neighbour tells them apart.
+    here = np.linalg.svd(split.platform)[0][:, : usual.platform - 1]
+    for motion in np.hstack([measure.motion[:, None], split.motions]).T:
+        step = _ASIDE * chain.tangent_scale * motion / np.abs(motion).max()
+        beside = close_loops(chain, pin.integrate(chain.model, q, step), throw=False)
+        if beside.success:
+            near = split_jacobians(chain, beside.q, usual, split.length)
+            if near.measures[SingularityKind.PLATFORM].value > _CLEAR:
+                space = np.linalg.svd(near.platform)[0][:, : usual.platform]
+                return np.linalg.svd(space - here @ (here.T @ space))[0][:, 0]
+    return measure.left

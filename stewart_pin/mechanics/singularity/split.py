@@ -1,0 +1,166 @@
+r"""One split of the Jacobians, by which every kind of singularity is one small singular value.
+
+With N an orthonormal basis of the motions that keep the loops closed (J_c N = 0), S the rows of the motors and P those
+of the platform, all lengths in robot sizes, the usual ranks belong to four matrices:
+
+===========  ==============  ================================================================
+kind         matrix          its rank drops where
+===========  ==============  ================================================================
+``loop``     J_c             the loops leave more freedom than usual
+``motor``    S N             locked motors leave the platform free (type II, parallel)
+``platform`` P N             the platform cannot move some way (type I, serial)
+``passive``  [S; P] N        joints move while motors and platform are at rest
+===========  ==============  ================================================================
+
+The measure of each is the singular value that the usual rank makes the last one. Bases are taken by that rank and not
+by a tolerance, so that the measures are continuous along any path.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from stewart_pin.closure.equations import row_sizes
+from stewart_pin.mechanics.freedom import FreedomCount, counted
+from stewart_pin.mechanics.platform import motion_matrix
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.typing import Configuration, FloatArray
+
+
+class SingularityKind(StrEnum):
+    """What goes wrong at a singular configuration."""
+
+    LOOP = "loop"
+    MOTOR = "motor"
+    PLATFORM = "platform"
+    PASSIVE = "passive"
+
+
+MEANING = {
+    SingularityKind.LOOP: "the loops leave more freedom than usual (constraint singularity)",
+    SingularityKind.MOTOR: "locked motors leave the platform free (type II, parallel)",
+    SingularityKind.PLATFORM: "the platform cannot move some way (type I, serial)",
+    SingularityKind.PASSIVE: "joints can move with motors and platform at rest",
+}
+"""Each kind in words."""
+
+
+@dataclass(frozen=True, eq=False)
+class Measure:
+    """How near one kind of singularity is.
+
+    Attributes
+    ----------
+    value
+        The singular value that vanishes there, lengths in robot sizes; infinite where the kind cannot occur.
+    largest
+        The largest singular value of the same matrix.
+    left
+        (m,) its left singular vector, dimensionless.
+    motion
+        (nv,) its right singular vector, a motion [m, rad in robot sizes, dimensionless].
+    matrix
+        (m, nv) the matrix, zero on what is no motion of its domain, dimensionless.
+    """
+
+    value: float
+    largest: float
+    left: FloatArray
+    motion: FloatArray
+    matrix: FloatArray
+
+    @property
+    def condition(self) -> float:
+        """Ratio of the largest to the smallest singular value: 1 at best, infinite at the singularity."""
+        return self.largest / self.value if self.value > 0 else np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class JacobianSplit:
+    """The split at one configuration.
+
+    Attributes
+    ----------
+    measures
+        One per kind.
+    motions
+        (nv, dof) the usual number of motions that the loops leave, orthonormal, dimensionless.
+    motors
+        (nu, dof) motor rates of these, dimensionless.
+    platform
+        (6, dof) twists of these, velocities over the length, dimensionless.
+    length
+        What velocities are divided by to compare them with angular velocities [m].
+    """
+
+    measures: dict[SingularityKind, Measure]
+    motions: FloatArray
+    motors: FloatArray
+    platform: FloatArray
+    length: float
+
+
+def split_jacobians(
+    chain: ClosedChain, q: Configuration, generic: FreedomCount, length: float
+) -> JacobianSplit:
+    """Split the Jacobians at a configuration.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    generic
+        The usual numbers of motions.
+    length
+        Divides velocities of the platform; lengths of joints and loops count in robot sizes [m].
+
+    Returns
+    -------
+    JacobianSplit
+        Measures and bases.
+    """
+    scale = chain.tangent_scale
+    sizes = np.concatenate([row_sizes(chain), np.full(3, length), np.ones(3)])
+    matrix = motion_matrix(chain, q) * scale / sizes[:, None]
+    loops, twist = matrix[: chain.nc], matrix[chain.nc :] * counted(generic.axes)[:, None]
+    rows = np.eye(chain.nv)[chain.motor_index]
+
+    everything = np.eye(chain.nv)
+    bound = chain.nv - generic.dof
+    motions = np.linalg.svd(loops)[2][bound:].T if chain.nc else everything
+    both = np.vstack([rows, twist]) @ motions
+    # The motions that take part, without the usual number of idle ones.
+    active = motions @ np.linalg.svd(both)[2][: generic.either].T if generic.idle else motions
+    kind = SingularityKind
+    return JacobianSplit(
+        measures={
+            kind.LOOP: _measure(loops, everything, bound),
+            kind.MOTOR: _measure(rows, active, generic.motor),
+            kind.PLATFORM: _measure(twist, motions, generic.platform),
+            kind.PASSIVE: _measure(np.vstack([rows, twist]), motions, generic.either),
+        },
+        motions=motions,
+        motors=rows @ motions,
+        platform=twist @ motions,
+        length=length,
+    )
+
+
+def _measure(rows: FloatArray, domain: FloatArray, rank: int) -> Measure:
+    reduced = rows @ domain
+    if rank == 0 or not reduced.size:
+        nothing = np.zeros(rows.shape[0]), np.zeros(rows.shape[1])
+        return Measure(np.inf, np.inf, *nothing, np.zeros_like(rows))
+    u, s, vt = np.linalg.svd(reduced)
+    return Measure(
+        value=float(s[rank - 1]),
+        largest=float(s[0]),
+        left=u[:, rank - 1],
+        motion=domain @ vt[rank - 1],
+        matrix=reduced @ domain.T,
+    )
