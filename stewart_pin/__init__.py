@@ -10,6 +10,9 @@ from stewart_pin.analysis.assembly_modes import AssemblySolver as AssemblySolver
 from stewart_pin.analysis.assembly_modes import ModeDescription as ModeDescription
 from stewart_pin.analysis.assembly_modes import assembly_modes as assembly_modes
 from stewart_pin.analysis.assembly_modes import describe_modes as describe_modes
+from stewart_pin.analysis.singularities import SingularityOnPath as SingularityOnPath
+from stewart_pin.analysis.singularities import closed_path as closed_path
+from stewart_pin.analysis.singularities import find_singularity as find_singularity
 from stewart_pin.analysis.workspace import WorkspaceSamples as WorkspaceSamples
 from stewart_pin.analysis.workspace import sample_workspace as sample_workspace
 from stewart_pin.building.exporting import export as export
