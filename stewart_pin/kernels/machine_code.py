@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import weakref
 from typing import Any
 
 from stewart_pin.kernels.target import Target, load_llvm
@@ -73,8 +74,16 @@ def _compiled(text: str, target: Target, prototype: Any) -> Any:
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(text, context), machine)
     engine.finalize_object()
     function = prototype(engine.get_function_address("run"))
-    function.kept = (engine, machine, context)  # the code goes when the function does
+    # The code goes when the function does, the engine before its context: left to a collection of cycles, the order
+    # would be any, and llvmlite crashes where the context goes first.
+    weakref.finalize(function, _dispose, engine, machine, context)
     return function
+
+
+def _dispose(engine: Any, *others: Any) -> None:
+    engine.close()
+    for other in others:
+        other.close()
 
 
 def _machine(llvm: Any, target: Target, *, jit: bool = False) -> Any:

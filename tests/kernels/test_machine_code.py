@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import re
+import weakref
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from stewart_pin.kernels.array_kernel import ArrayKernel
 from stewart_pin.kernels.instructions import program_from_casadi
 from stewart_pin.kernels.interpreter import run_program
 from stewart_pin.kernels.llvm_module import module_for_ranges
-from stewart_pin.kernels.machine_code import assembly
+from stewart_pin.kernels.machine_code import assembly, compile_for_one
 from stewart_pin.kernels.preparing import prepare
 from stewart_pin.kernels.program import LIBRARY, Kind, Port, Program, ProgramBuilder, operation_counts
 from stewart_pin.kernels.target import Target, load_llvm, narrow_target
@@ -196,3 +198,16 @@ def test_hot_loop_is_made_of_full_vectors(target: Target) -> None:
 def test_unknown_width_is_refused() -> None:
     with pytest.raises(InputError, match="vector_bytes must be 16, 32 or 64, got 8"):
         narrow_target(8)
+
+
+def test_code_in_a_cycle_of_references_is_disposed_of_in_order() -> None:
+    """Collected in any order, a context may go before its engine, which ends the interpreter."""
+    text = 'define void @"run"() {\n  ret void\n}\n'
+    for _ in range(20):
+        function = compile_for_one(text, TARGETS["host"])
+        gone = weakref.ref(function)
+        function.itself = [function]
+        function()
+        del function
+        gc.collect()
+        assert gone() is None
