@@ -35,7 +35,7 @@ def load(
     Parameters
     ----------
     name_or_path
-        Name of a bundled robot (see `robots`), or path of a URDF with loops in the URDF+ dialect.
+        Name of a bundled robot (see `robots`), or path of a URDF with loops, an MJCF or an SDFormat file.
     loops
         Side-car file that declares the loops; no dialect with one is supported yet.
     motors

@@ -100,7 +100,7 @@ def test_the_pose_that_its_authors_recorded_closes(tmp_path) -> None:
 def test_a_tilt_of_rounding_holds_the_right_foot_of_v2(tmp_path) -> None:
     """1.5708 for a right angle, and a rod pitched by 1.364 among links at 1.3439: hinges 7e-8 rad from parallel.
 
-    Bent, the left foot closes to round-off; the right one keeps a gap of that tilt times a crank of 5 cm.
+    Bent, the left foot closes to round-off; the right one keeps a gap of that tilt times its rod of half a metre.
     """
     chain = cassie.load("cassie_v2", tmp_path)
     sizes = {}
