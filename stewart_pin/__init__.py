@@ -84,6 +84,7 @@ from stewart_pin.kernels.compile import KernelReport as KernelReport
 from stewart_pin.kernels.compile import Kernels as Kernels
 from stewart_pin.kernels.compile import compile_kernels as compile_kernels
 from stewart_pin.kernels.compile_function import compile_function as compile_function
+from stewart_pin.kernels.repeating import Repeat as Repeat
 from stewart_pin.kernels.single_state import SingleState as SingleState
 from stewart_pin.kernels.status import StateBound as StateBound
 from stewart_pin.kernels.status import StateStatus as StateStatus

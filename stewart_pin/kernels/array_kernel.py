@@ -17,10 +17,10 @@ from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.arrays import as_states, n_states, require_apart, require_out
-from stewart_pin.kernels.interpreter import run_program
 from stewart_pin.kernels.llvm_module import module_for_ranges
 from stewart_pin.kernels.machine_code import compile_for_ranges
 from stewart_pin.kernels.program import Program
+from stewart_pin.kernels.repeating import Repeat, interpreted, require_repeat
 from stewart_pin.kernels.single_state import SingleState
 from stewart_pin.kernels.status import StateBound, judge, require_bounds, written_outputs
 from stewart_pin.kernels.target import Target, host_target
@@ -44,6 +44,8 @@ class ArrayKernel:
         Bounds of outputs that judge a state; these outputs are not given back.
     dtype
         numpy.float64 or numpy.float32: type of the arrays and of every operation.
+    repeat
+        How the program is repeated on its own result; None runs it once.
     engine
         ``"llvm"`` (extra ``kernels``) or ``"numpy"``; None takes llvm when it is installed.
     target
@@ -69,12 +71,16 @@ class ArrayKernel:
         *,
         bounds: Sequence[StateBound] = (),
         dtype: DTypeLike = np.float64,
+        repeat: Repeat | None = None,
         engine: Engine | None = None,
         target: Target | None = None,
     ) -> None:
         self.program = program
         self.bounds = tuple(bounds)
         require_bounds(program, self.bounds)
+        self.repeat = repeat
+        if repeat is not None:
+            require_repeat(program, repeat)
         self.dtype = np.dtype(dtype)
         if self.dtype not in (np.float64, np.float32):
             raise InputError(f"dtype must be float64 or float32, got {self.dtype}")
@@ -88,11 +94,11 @@ class ArrayKernel:
         self._code: Any = None
         if engine == "llvm":
             target = target or host_target()
-            text = module_for_ranges(program, self.bounds, self.dtype, target)
+            text = module_for_ranges(program, self.bounds, self.dtype, target, repeat)
             self._code = compile_for_ranges(text, target)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt, (self.program, self.bounds, self.dtype, self.engine, self._target)
+        return _rebuilt, (self.program, self.bounds, self.dtype, self.repeat, self.engine, self._target)
 
     def __repr__(self) -> str:
         return f"ArrayKernel({self.program!r}, {self.dtype}, {self.engine})"
@@ -156,7 +162,7 @@ class ArrayKernel:
         SingleState
             Function of one state; its results are those of this kernel, bit for bit.
         """
-        return SingleState(self.program, self.bounds, self.dtype, self.engine, self._target)
+        return SingleState(self.program, self.bounds, self.dtype, self.engine, self._target, self.repeat)
 
     def _results(
         self, out: FloatArray | Sequence[FloatArray] | None, n: int, single: bool, inputs: list[FloatArray]
@@ -221,9 +227,8 @@ class ArrayKernel:
         n = part.stop - part.start
         rows = [x[part] if len(x) > 1 else x for x in inputs]
         rows = [x.reshape(len(x), -1) for x in rows]
-        values = [
-            np.broadcast_to(x, (n, x.shape[1])) for x in run_program(self.program, rows, dtype=self.dtype)
-        ]
+        values = interpreted(self.program, rows, self.dtype, self.repeat)
+        values = [np.broadcast_to(x, (n, x.shape[1])) for x in values]
         codes = judge(self.program, self.bounds, rows, values)
         named = dict(zip((p.name for p in self.program.outputs), values, strict=True))
         for port, result in zip(self.outputs, results, strict=True):
@@ -246,7 +251,8 @@ def _rebuilt(
     program: Program,
     bounds: tuple[StateBound, ...],
     dtype: np.dtype[Any],
+    repeat: Repeat | None,
     engine: Engine,
     target: Target | None,
 ) -> ArrayKernel:
-    return ArrayKernel(program, bounds=bounds, dtype=dtype, engine=engine, target=target)
+    return ArrayKernel(program, bounds=bounds, dtype=dtype, repeat=repeat, engine=engine, target=target)

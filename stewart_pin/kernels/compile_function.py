@@ -11,6 +11,7 @@ from numpy.typing import DTypeLike
 from stewart_pin.kernels.array_kernel import ArrayKernel, Engine
 from stewart_pin.kernels.instructions import program_from_casadi
 from stewart_pin.kernels.preparing import prepare
+from stewart_pin.kernels.repeating import Repeat
 from stewart_pin.kernels.status import StateBound
 
 
@@ -19,6 +20,7 @@ def compile_function(
     *,
     bounds: Sequence[StateBound] = (),
     dtype: DTypeLike = np.float64,
+    repeat: Repeat | None = None,
     engine: Engine | None = None,
 ) -> ArrayKernel:
     """Compile a CasADi function to a function on arrays of states.
@@ -31,6 +33,8 @@ def compile_function(
         Bounds of outputs that judge a state; these outputs are not given back.
     dtype
         numpy.float64 or numpy.float32.
+    repeat
+        How the function is repeated on its own result; None runs it once.
     engine
         ``"llvm"`` (extra ``kernels``) or ``"numpy"``; None takes llvm when it is installed.
 
@@ -57,4 +61,6 @@ def compile_function(
     array([[ 5.],
            [13.]])
     """
-    return ArrayKernel(prepare(program_from_casadi(function)), bounds=bounds, dtype=dtype, engine=engine)
+    return ArrayKernel(
+        prepare(program_from_casadi(function)), bounds=bounds, dtype=dtype, repeat=repeat, engine=engine
+    )

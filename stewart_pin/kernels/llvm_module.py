@@ -19,12 +19,17 @@ from stewart_pin.kernels.llvm_layout import load_columns, store_columns
 from stewart_pin.kernels.llvm_operations import write_program
 from stewart_pin.kernels.llvm_writer import Writer
 from stewart_pin.kernels.program import Program, require_output
+from stewart_pin.kernels.repeating import Repeat, write_repeatedly
 from stewart_pin.kernels.status import StateBound, StateStatus, written_outputs
 from stewart_pin.kernels.target import Target
 
 
 def module_for_ranges(
-    program: Program, bounds: Sequence[StateBound], dtype: np.dtype[Any], target: Target
+    program: Program,
+    bounds: Sequence[StateBound],
+    dtype: np.dtype[Any],
+    target: Target,
+    repeat: Repeat | None = None,
 ) -> str:
     """Write the LLVM module of a program for ranges of states.
 
@@ -38,6 +43,8 @@ def module_for_ranges(
         numpy.float64 or numpy.float32.
     target
         Machine.
+    repeat
+        How it is repeated, if it is.
 
     Returns
     -------
@@ -45,7 +52,7 @@ def module_for_ranges(
         LLVM IR with the function ``run(begin, end, table)``.
     """
     writer = Writer(dtype, target.vector_bytes // dtype.itemsize, fused=target.fused)
-    _write_loop(writer, program, bounds)
+    _write_loop(writer, program, bounds, repeat)
     return _module(writer, target, "i64 %begin, i64 %end, ptr noalias %table")
 
 
@@ -55,6 +62,7 @@ def module_for_one(
     dtype: np.dtype[Any],
     target: Target,
     addresses: Sequence[int],
+    repeat: Repeat | None = None,
 ) -> str:
     """Write the LLVM module of a program for one state at a fixed place.
 
@@ -70,6 +78,8 @@ def module_for_one(
         Machine.
     addresses
         Where the first entry of each input and output lies, and the status byte.
+    repeat
+        How it is repeated, if it is.
 
     Returns
     -------
@@ -82,7 +92,7 @@ def module_for_one(
     inputs = [
         load_columns(writer, [at], port.size) for at, port in zip(ports[:n], program.inputs, strict=True)
     ]
-    results, code = _judged(writer, program, bounds, inputs, write_program(writer, program, inputs))
+    results, code = _judged(writer, program, bounds, inputs, _written(writer, program, repeat, inputs))
     for at, entries in zip(ports[n:], results, strict=True):
         store_columns(writer, [at], entries)
     writer.lines += [f"  store i8 {code}, ptr {status}", "  ret void"]
@@ -105,7 +115,9 @@ def _module(writer: Writer, target: Target, arguments: str) -> str:
     )
 
 
-def _write_loop(writer: Writer, program: Program, bounds: Sequence[StateBound]) -> None:
+def _write_loop(
+    writer: Writer, program: Program, bounds: Sequence[StateBound], repeat: Repeat | None
+) -> None:
     ports = [*program.inputs, *written_outputs(program, bounds)]
     writer.lines.append("entry:")
     bases = [_entry(writer, "ptr", 2 * p) for p in range(len(ports))]
@@ -126,7 +138,7 @@ def _write_loop(writer: Writer, program: Program, bounds: Sequence[StateBound]) 
         return [writer.put(f"getelementptr i8, ptr {bases[p]}, i64 {o}") for o in offsets]
 
     inputs = [load_columns(writer, rows(p), port.size) for p, port in enumerate(program.inputs)]
-    results = write_program(writer, program, inputs)
+    results = _written(writer, program, repeat, inputs)
     results, codes = _judged(writer, program, bounds, inputs, results)
     for p, columns in enumerate(results, len(program.inputs)):
         store_columns(writer, rows(p), columns)
@@ -144,6 +156,14 @@ def _write_loop(writer: Writer, program: Program, bounds: Sequence[StateBound]) 
         "done:",
         "  ret void",
     ]
+
+
+def _written(
+    writer: Writer, program: Program, repeat: Repeat | None, inputs: list[list[str]]
+) -> list[list[str]]:
+    if repeat is None:
+        return write_program(writer, program, inputs)
+    return write_repeatedly(writer, program, repeat, inputs)
 
 
 def _entry(writer: Writer, kind: str, index: int) -> str:
@@ -173,7 +193,7 @@ def _judged(
     """Replace the results of bad states by nan, and give the codes."""
     inputs_finite = _all_finite(writer, [x for entries in inputs for x in entries])
     finite = _all_finite(writer, [x for entries in results for x in entries])
-    within = "true" if writer.lanes == 1 else "splat (i1 true)"
+    within = writer.every
     for bound in bounds:
         for x in results[require_output(program, bound.output)]:
             for test, value in (("oge", bound.lower), ("ole", bound.upper)):

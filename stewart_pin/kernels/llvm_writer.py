@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -63,10 +63,84 @@ class Writer:
         str
             Fresh name of the value.
         """
-        self._names += 1
-        name = f"%t{self._names}"
+        name = self.name()
         self.lines.append(f"  {name} = {text}")
         return name
+
+    def name(self) -> str:
+        """Make up a name for a value.
+
+        Returns
+        -------
+        str
+            A fresh name.
+        """
+        self._names += 1
+        return f"%t{self._names}"
+
+    def label(self, word: str) -> str:
+        """Make up a name for a place to jump to.
+
+        Parameters
+        ----------
+        word
+            What it begins with.
+
+        Returns
+        -------
+        str
+            A fresh name.
+        """
+        self._names += 1
+        return f"{word}{self._names}"
+
+    @property
+    def every(self) -> str:
+        """Mask of all lanes."""
+        return "true" if self.lanes == 1 else "splat (i1 true)"
+
+    @property
+    def none(self) -> str:
+        """Mask of no lane."""
+        return "false" if self.lanes == 1 else "splat (i1 false)"
+
+    def any(self, mask: str) -> str:
+        """Tell whether a mask is set in any lane.
+
+        Parameters
+        ----------
+        mask
+            Mask.
+
+        Returns
+        -------
+        str
+            Name of a bit.
+        """
+        if self.lanes == 1:
+            return mask
+        bits = self.put(f"bitcast {self.mask} {mask} to i{self.lanes}")
+        return self.put(f"icmp ne i{self.lanes} {bits}, 0")
+
+    def all_below(self, values: Sequence[str], limit: float) -> str:
+        """Compare several values with a limit.
+
+        Parameters
+        ----------
+        values
+            Values.
+        limit
+            What none may exceed.
+
+        Returns
+        -------
+        str
+            Mask of the lanes where none does.
+        """
+        mask = self.every
+        for value in values:
+            mask = self.put(f"and {self.mask} {mask}, {self.compare('ole', value, self.constant(limit))}")
+        return mask
 
     def constant(self, value: float) -> str:
         """Spell a constant in every lane.
@@ -179,12 +253,8 @@ class Writer:
         str
             Name of the value.
         """
-        needed = mask
-        if self.lanes > 1:
-            bits = self.put(f"bitcast {self.mask} {mask} to i{self.lanes}")
-            needed = self.put(f"icmp ne i{self.lanes} {bits}, 0")
-        self._names += 1
-        here, rare, on = (f"{name}{self._names}" for name in ("here", "rare", "on"))
+        needed = self.any(mask)
+        here, rare, on = (self.label(word) for word in ("here", "rare", "on"))
         self.lines += [
             f"  br label %{here}",
             f"{here}:",

@@ -9,10 +9,10 @@ import numpy as np
 
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.arrays import as_states
-from stewart_pin.kernels.interpreter import run_program
 from stewart_pin.kernels.llvm_module import module_for_one
 from stewart_pin.kernels.machine_code import compile_for_one
 from stewart_pin.kernels.program import Program
+from stewart_pin.kernels.repeating import Repeat, interpreted
 from stewart_pin.kernels.status import StateBound, StateStatus, judge, written_outputs
 from stewart_pin.kernels.target import Target, host_target
 from stewart_pin.typing import ArrayLike
@@ -36,6 +36,8 @@ class SingleState:
         ``"llvm"`` or ``"numpy"``.
     target
         Machine; None is this one.
+    repeat
+        How the program is repeated; None runs it once.
     """
 
     def __init__(
@@ -45,8 +47,9 @@ class SingleState:
         dtype: np.dtype[Any],
         engine: str,
         target: Target | None = None,
+        repeat: Repeat | None = None,
     ) -> None:
-        self._made_from = (program, tuple(bounds), dtype, engine, target)
+        self._made_from = (program, tuple(bounds), dtype, engine, target, repeat)
         self.inputs = tuple(np.zeros(p.shape, dtype=dtype) for p in program.inputs)
         self.outputs = tuple(np.zeros(p.shape, dtype=dtype) for p in written_outputs(program, bounds))
         buffers: Any = self.inputs
@@ -57,7 +60,9 @@ class SingleState:
         if engine == "llvm":
             target = target or host_target()
             addresses = [x.ctypes.data for x in (*self.inputs, *self.outputs, self._status)]
-            function = compile_for_one(module_for_one(program, bounds, dtype, target, addresses), target)
+            function = compile_for_one(
+                module_for_one(program, bounds, dtype, target, addresses, repeat), target
+            )
             function.arrays = (
                 self.inputs,
                 self.outputs,
@@ -113,7 +118,7 @@ class SingleState:
     def _interpret(self) -> None:
         program, bounds, dtype = self._made_from[:3]
         inputs = [x.reshape(1, -1) for x in self.inputs]
-        results = run_program(program, inputs, dtype=dtype)
+        results = interpreted(program, inputs, dtype, self._made_from[5])
         self._status[:] = judge(program, bounds, inputs, results)
         named = dict(zip((p.name for p in program.outputs), results, strict=True))
         for port, out in zip(written_outputs(program, bounds), self.outputs, strict=True):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import pickle
-import threading
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from typing import Any
@@ -179,7 +178,7 @@ def test_bad_states_do_not_spoil_their_neighbours(
     x = rng.uniform(0.1, 1.0, size=(21, 2))
     clean = kernel(x)
     x[3, 0], x[5, 1], x[6, 0], x[7, 1] = np.nan, np.inf, -1.0, 2.5
-    x[8], x[9, 1], x[10, 1] = (-np.inf, 3.0), -0.51, 2.0
+    x[8], x[9, 1], x[10, 1], x[11, 1] = (-np.inf, 3.0), -0.51, 2.0, -0.5
     codes = np.full(21, -1, dtype=np.int8)
     y = kernel(x, status=codes)
     expected = np.zeros(21, dtype=int)
@@ -188,7 +187,7 @@ def test_bad_states_do_not_spoil_their_neighbours(
     expected[[7, 9]] = StateStatus.OUT_OF_BOUNDS
     assert np.array_equal(codes, expected)
     assert np.array_equal(np.isnan(y[:, 0]), expected != 0)
-    good = (expected == 0) & (np.arange(21) != 10)
+    good = (expected == 0) & ~np.isin(np.arange(21), [10, 11])
     assert np.array_equal(y[good], clean[good])
 
 
@@ -338,23 +337,6 @@ def test_one_kernel_is_called_in_many_threads(rng: np.random.Generator) -> None:
     with ThreadPoolExecutor(8) as pool:
         results = list(pool.map(lambda states: kernel(*states), parts))
     assert all(np.array_equal(r, kernel(*states)) for r, states in zip(results, parts, strict=True))
-
-
-def test_other_threads_run_meanwhile(rng: np.random.Generator) -> None:
-    kernel, states = ArrayKernel(HEXAPOD), sample_states(rng, 300_000)
-    out, done = np.empty((300_000, 6)), threading.Event()
-    turns = 0
-
-    def work() -> None:
-        kernel(*states, out=out)
-        done.set()
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    while not done.is_set():
-        turns += 1
-    thread.join()
-    assert turns > 100  # with the interpreter locked for 10 ms there would be one or two
 
 
 def test_code_goes_with_the_kernel_and_not_before(rng: np.random.Generator) -> None:
