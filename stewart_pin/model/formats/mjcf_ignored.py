@@ -12,7 +12,9 @@ from stewart_pin.model.formats.mjcf_compiling import import_mujoco
 from stewart_pin.model.formats.mjcf_names import given_names
 from stewart_pin.model.formats.mjcf_tree import Tree
 
-_FORCE = "forces besides gravity, inertia and motors are not part of the mechanism"
+_FORCE = "left out, as a mechanism has no forces but those of gravity, inertia and motors"
+
+_ROTOR = "left out, as rotors are no bodies; simulate takes it for motors, as Motors(inertia=...)"
 
 
 def ignored(model: Any, tree: Tree) -> tuple[Note, ...]:
@@ -47,7 +49,7 @@ def _of_joints(model: Any, tree: Tree) -> Iterable[Note]:
         first, owner = int(model.jnt_dofadr[k]), f"joint '{name}'"
         armature = float(model.dof_armature[first])
         if armature:
-            yield Note(owner, f"armature {armature:g}: inertia of rotors is not part of the mechanism")
+            yield Note(owner, f"armature {armature:g}: {_ROTOR}")
         damping = [model.dof_damping[first], *model.dof_dampingpoly[first]]
         if np.any(damping):
             yield Note(owner, f"damping {_shown(damping)}: {_FORCE}")
@@ -87,10 +89,11 @@ def _of_tendons(model: Any) -> Iterable[Note]:
 def _of_actuators(model: Any) -> Iterable[Note]:
     for k, given in enumerate(given_names(model, "actuator", model.nu)):
         owner = f"actuator '{given or f'number {k + 1}'}'"
-        for attribute in ("armature", "damping"):
-            value = float(getattr(model, f"actuator_{attribute}")[k])
-            if value:
-                yield Note(owner, f"{attribute} {value:g}: not part of the mechanism")
+        armature, damping = float(model.actuator_armature[k]), float(model.actuator_damping[k])
+        if armature:
+            yield Note(owner, f"armature {armature:g}: {_ROTOR}")
+        if damping:
+            yield Note(owner, f"damping {damping:g}: {_FORCE}")
 
 
 def _of_the_world(model: Any) -> Iterable[Note]:
