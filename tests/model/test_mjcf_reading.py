@@ -118,6 +118,8 @@ def test_sites_in_the_world_close_loops_too(tmp_path: Path) -> None:
     assert (loop.link1, loop.link2) == ("hand", "world")
     np.testing.assert_array_equal(loop.placement1.translation, [0.1, 0, 0])
     np.testing.assert_array_equal(loop.placement2.translation, [0, 0, 1])
+    # They are frames of the loop, and no links.
+    assert [link.name for link in found.links] == ["world", "arm", "hand"]
 
 
 # --- coordinates ---------------------------------------------------------------------------------------------
@@ -174,9 +176,15 @@ def test_two_tendons_are_refused(tmp_path: Path) -> None:
 
 def test_limits_keep_their_side_and_their_switch(tmp_path: Path) -> None:
     free = hinge("b", axis="0 1 0", range="-1 2", limited="false")
-    arm = body("arm", hinge("a", range="-1 2") + free + hinge("c", axis="1 0 0", range="-1e10 2"))
+    arm = body(
+        "arm",
+        hinge("a", range="-1 2")
+        + free
+        + hinge("c", axis="1 0 0", range="-1e10 2")
+        + hinge("d", axis="1 1 0", range="-3 1e10"),
+    )
     limits = {joint.name: (joint.lower, joint.upper) for joint in read(tmp_path, arm).joints}
-    assert limits == {"a": (-1, 2), "b": (-np.inf, np.inf), "c": (-np.inf, 2)}
+    assert limits == {"a": (-1, 2), "b": (-np.inf, np.inf), "c": (-np.inf, 2), "d": (-3, np.inf)}
     off = '<option><flag limit="disable"/></option>'
     found = read(tmp_path, arm, off)
     assert {joint.upper for joint in found.joints} == {np.inf}
