@@ -69,7 +69,7 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
         fault = fault or found
     raise MechanismError(
         f"no home configuration: {fault or f'the loops do not close, the smallest gap found is {best:.3g} m'}; "
-        "correct the origins of the loops, or the home (<group_state name='home'> in a file)",
+        "correct the origins of the loops, or the home (<group_state name='home'> or keyframe of the file)",
         path=chain.mechanism.source,
         culprit="home",
     )
@@ -163,8 +163,6 @@ def _named_entries(chain: ClosedChain) -> np.ndarray:
 
 def _guesses(chain: ClosedChain, given: np.ndarray) -> Iterator[Configuration]:
     first = home_guess(chain)
-    if chain.mechanism.home_is_guess:
-        first = clipped(chain, first)
     yield first
     if given.all():
         return

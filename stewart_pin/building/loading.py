@@ -39,10 +39,11 @@ def load(
     loops
         Side-car file that declares the loops; no dialect with one is supported yet.
     motors
-        Names of the motor joints, in order; default: the joints that the file marks ``independent="true"``.
+        Names of the motor joints, in order; default: the joints that the file marks ``independent="true"``, or that
+        an MJCF file drives by actuators.
     platform
         Name of the platform link; default: the parent link of the ``<end_effector name="platform">``, or else the
-        link called ``platform``.
+        link (in MJCF: body or site) called ``platform``.
     gravity
         (3,) acceleration of free fall in the world frame [m/s²]; None: what the file states, or else
         (0, 0, -9.81).
@@ -124,7 +125,7 @@ def _motors(mechanism: Mechanism, motors: Sequence[str] | None) -> tuple[str, ..
         named = tuple(joint.name for joint in mechanism.joints if joint.independent)
         if not named:
             raise MechanismError(
-                'no joint is marked independent="true"; mark the motors, or pass motors=[...]; '
+                'no joint is marked as a motor (independent="true" in a URDF, an actuator in MJCF); pass motors=[...]; '
                 f"the candidates are: {', '.join(movable)}",
                 path=mechanism.source,
                 culprit="motors",

@@ -68,6 +68,19 @@ def test_unnamed_connects_on_one_pair_are_all_kept(tmp_path: Path) -> None:
     ]
 
 
+def test_points_of_a_hinge_printed_with_few_digits_make_a_hinge(tmp_path: Path) -> None:
+    """Rigid links could never meet in both points: they are 0.2 m apart on one, and 0.200002 m on the other."""
+    sites = '<site name="a" pos="0.4 0 0"/><site name="b" pos="0.6 0 0"/>'
+    hand = HAND.replace("<site", '<site name="c" pos="-0.1 0 0"/><site name="d" pos="0.100002 0 0"/><site', 1)
+    ties = equality('<connect name="k" site1="a" site2="c"/>', '<connect site1="b" site2="d"/>')
+    path = write(
+        tmp_path, mjcf(ARM % (sites + hand.replace('"wrist"', '"wrist" axis="1 0 0"')), ties, DRIVEN)
+    )
+    chain = stp.load(path, platform="hand")
+    assert [(loop.name, loop.kind) for loop in chain.loops] == [("k", JointKind.REVOLUTE)]
+    assert "its points are 2e-06 m farther apart on one link" in str(chain.report)
+
+
 def test_the_same_connect_twice_stays_two_loops(tmp_path: Path) -> None:
     pair = '<connect body1="arm" body2="hand" anchor="0.2 0 0"/>'
     found = read(tmp_path, BOTH, equality(pair, pair))
