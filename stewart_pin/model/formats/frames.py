@@ -7,6 +7,9 @@ import pinocchio as pin
 from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import Joint, JointKind, Mechanism
 
+AT_ZERO = "the file places it in one link; the other is taken to lie as it does while all joints are at zero"
+"""Note on a loop that was placed by `relative_at_zero`."""
+
 
 def find_frame(mechanism: Mechanism, name: str, owner: str) -> str:
     """Find the link whose frame a name stands for.

@@ -16,9 +16,9 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.geometry.rotations import rotation_from_rpy
-from stewart_pin.model.description import JointKind, Loop, Note
+from stewart_pin.model.description import JointKind, Loop, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import Dialect, Parts
-from stewart_pin.model.formats.frames import relative_at_zero
+from stewart_pin.model.formats.frames import AT_ZERO, relative_at_zero
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.xml import shown_tag
 from stewart_pin.typing import FloatArray
@@ -42,12 +42,13 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
         reader.ignore(element, "the file")
     loops = [_read_joint(reader, joint) for joint in joints]
 
-    def placed(mechanism) -> Parts:
-        found = []
+    def placed(mechanism: Mechanism) -> Parts:
+        found: list[Loop] = []
         for loop in loops:
             relative = relative_at_zero(mechanism, loop.link1, loop.link2, f"joint '{loop.name}' of <gazebo>")
             found.append(replace(loop, placement1=relative * loop.placement2))
-        return Parts(loops=tuple(found))
+        notes = tuple(Note(f"loop '{loop.name}'", AT_ZERO, Outcome.CHANGED) for loop in found)
+        return Parts(loops=tuple(found), notes=notes)
 
     return Parts(later=placed if loops else None)
 

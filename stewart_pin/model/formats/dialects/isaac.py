@@ -24,7 +24,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import AXIS_FREE_LOOPS, JointKind, Loop, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import Dialect, Parts
 from stewart_pin.model.formats.dialects.mimic import write_mimics
-from stewart_pin.model.formats.frames import relative_at_zero
+from stewart_pin.model.formats.frames import AT_ZERO, relative_at_zero
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.urdf_writer import pose_attributes, save, tree_element
 from stewart_pin.model.formats.xml import shown_tag
@@ -93,8 +93,7 @@ def _read_points(reader: UrdfElements, element: etree._Element, loop: Loop) -> P
     def turned(mechanism: Mechanism) -> Parts:
         relative = relative_at_zero(mechanism, link1, link2, owner)
         turned_child = pin.SE3(relative.rotation.T @ placement1.rotation, placement2.translation)
-        text = "the child's frame is turned as the parent's while all joints are at zero"
-        note = Note(f"loop '{loop.name}'", text, Outcome.CHANGED)
+        note = Note(f"loop '{loop.name}'", AT_ZERO, Outcome.CHANGED)
         return Parts(loops=(replace(loop, placement2=turned_child),), notes=(note,))
 
     return Parts(notes=notes, later=turned)
