@@ -91,6 +91,7 @@ class ArrayKernel:
         self.engine: Engine = engine
         self.outputs = tuple(written_outputs(program, self.bounds))
         self._target = target
+        self._repeated: dict[Repeat, ArrayKernel] = {}
         self._code: Any = None
         if engine == "llvm":
             target = target or host_target()
@@ -153,6 +154,35 @@ class ArrayKernel:
             self._run(arrays, results, status, n, threads)
         given = tuple(r[0] for r in results) if count is None else tuple(results)
         return given[0] if len(given) == 1 else given
+
+    def repeated(self, repeat: Repeat) -> ArrayKernel:
+        """Compile the program to be repeated on its own result.
+
+        Parameters
+        ----------
+        repeat
+            How it is repeated.
+
+        Returns
+        -------
+        ArrayKernel
+            Same program, bounds, type and engine; compiled once for each way of repeating.
+
+        Raises
+        ------
+        InputError
+            If the program has no such inputs and outputs.
+        """
+        if repeat not in self._repeated:
+            self._repeated[repeat] = ArrayKernel(
+                self.program,
+                bounds=self.bounds,
+                dtype=self.dtype,
+                repeat=repeat,
+                engine=self.engine,
+                target=self._target,
+            )
+        return self._repeated[repeat]
 
     def single_state(self) -> SingleState:
         """Compile the program for one state at a time, which is called with a tenth of the overhead.

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stewart_pin.kernels.array_kernel import ArrayKernel
+from stewart_pin.kernels.repeating import Repeat
 from stewart_pin.typing import BoolArray, FloatArray
 
 _CLOSED = 1e-11
 """Gap at which a row is closed, in robot sizes and radians: a few hundred units of round-off."""
-_CHUNK = 4096
-"""Rows that are treated at a time, so that they stay in the cache."""
 _PLAIN_STEPS = 8
 """Full steps before the rows that have not closed by then are damped."""
 _SMALLEST_SHARE = 1e-4
@@ -80,10 +79,7 @@ def damped_newton(
     Solved
         States, and which of them are closed.
     """
-    states, gap = np.array(start, dtype=float), np.full(len(start), np.inf)
-    for begin in range(0, len(start), _CHUNK):
-        part = slice(begin, begin + _CHUNK)
-        states[part], gap[part] = _plain(step, states[part], target[part], threads)
+    states, gap = _plain(step, start, target, threads)
     left = np.flatnonzero(~(gap <= _CLOSED))
     if left.size:
         states[left], gap[left] = _damped(step, start[left], target[left], max_iterations, threads)
@@ -91,18 +87,22 @@ def damped_newton(
 
 
 def _plain(
-    step: ArrayKernel, states: FloatArray, target: FloatArray, threads: int
+    step: ArrayKernel, start: FloatArray, target: FloatArray, threads: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Take full steps until all rows have closed, or have had enough of them."""
-    whole, size = np.ones((1,)), np.empty(0)
-    for _ in range(_PLAIN_STEPS):
-        following, gap = step(states, target, whole, threads=threads)
-        size = np.abs(gap).max(axis=1, initial=0.0)
-        # The step after a closed gap leaves nothing but round-off.
-        states = following
-        if not (size > _CLOSED).any():
-            break
-    return states, size
+    """Take full steps until a row has closed, or has had enough of them."""
+    (state, *_), (following, gap, *_) = step.program.inputs, step.program.outputs
+    # The step after a closed gap leaves nothing but round-off.
+    repeat = Repeat(state.name, following.name, gap.name, _CLOSED, _PLAIN_STEPS)
+    states, gaps = step.repeated(repeat)(start, target, np.ones(1), threads=threads)
+    return states, _sizes(gaps)
+
+
+def _sizes(gaps: FloatArray) -> FloatArray:
+    """Largest entry of each gap; column by column, since NumPy is slow along short rows."""
+    sizes = np.zeros(len(gaps))
+    for column in np.abs(gaps).T:
+        np.maximum(sizes, column, out=sizes)
+    return sizes
 
 
 def _damped(
@@ -112,7 +112,7 @@ def _damped(
 
     def take(rows: np.ndarray, states: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
         following, gap = step(states, target[rows], share[:, None], threads=threads)
-        size = np.abs(gap).max(axis=1, initial=0.0)
+        size = _sizes(gap)
         return following, np.where(np.isfinite(size), size, np.inf)
 
     states, share = np.array(start, dtype=float), np.ones(len(start))

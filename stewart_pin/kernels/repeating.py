@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -149,7 +150,8 @@ def interpreted(
 
 
 def _closed(gap: FloatArray, repeat: Repeat) -> BoolArray:
-    return np.asarray(np.abs(gap) <= repeat.tolerance).all(axis=1)
+    closed: Any = (np.abs(gap) <= repeat.tolerance).all(axis=1)
+    return closed
 
 
 def write_repeatedly(
