@@ -278,6 +278,17 @@ def test_actuators_that_are_no_motors_are_named(tmp_path: Path, drive: str, word
     assert f"ignored actuator 'm' {words}" in notes(found)
 
 
+@pytest.mark.parametrize("option", ['<flag actuation="disable"/>', 'actuatorgroupdisable="2"'])
+def test_disabled_actuators_are_no_motors(tmp_path: Path, option: str) -> None:
+    section = f"<option>{option}</option>" if option.startswith("<") else f"<option {option}/>"
+    drives = actuator(
+        '<motor name="m" joint="motor" group="2"/>', '<motor name="n" joint="wrist" group="1"/>'
+    )
+    found = read(tmp_path, BOTH, drives, section)
+    assert "actuator 'm' the file disables it: no motor" in notes(found)
+    assert found.joint("wrist").independent == ("group" in option)
+
+
 # --- platform, home, names -----------------------------------------------------------------------------------
 
 
@@ -287,6 +298,12 @@ def test_the_platform_is_the_body_or_site_of_that_name(tmp_path: Path) -> None:
     found = read(tmp_path, BOTH.replace('"hand"', '"platform"').replace('"palm"', '"platform"'))
     assert found.platform == "platform"
     assert {"platform", "platform_site"} <= {link.name for link in found.links}
+
+
+def test_a_platform_may_close_a_loop(tmp_path: Path) -> None:
+    world = '<site name="anchor" pos="0 0 1"/>' + BOTH.replace('"palm"', '"platform"')
+    found = read(tmp_path, world, equality('<connect site1="platform" site2="anchor"/>'))
+    assert found.platform == "platform" and found.loops[0].link1 == "hand"
 
 
 def test_a_missing_platform_lists_sites_too(tmp_path: Path) -> None:
@@ -420,6 +437,26 @@ def test_included_files_are_searched_as_well(tmp_path: Path) -> None:
 def test_warnings_of_the_compiler_are_in_the_report(tmp_path: Path) -> None:
     twice = body("arm", hinge("a") + hinge("b"))
     assert "MuJoCo warns: Inertia matrix is too close to singular" in notes(read(tmp_path, twice))
+
+
+def test_attached_models_are_read_where_they_stand(tmp_path: Path) -> None:
+    mesh = '<asset><mesh name="m" file="no.stl"/></asset>'
+    part = f'<body name="tool" pos="0 0 1">{hinge("turn")}{BALL}<geom type="mesh" mesh="m"/></body>'
+    write(tmp_path, mjcf(part, mesh), "part.xml")
+    hand = body(
+        "hand", hinge("wrist") + '<frame pos="0 2 0"><attach model="p" body="tool" prefix="a_"/></frame>'
+    )
+    found = read(tmp_path, ARM % hand, '<asset><model name="p" file="part.xml"/></asset>')
+    turn = found.joint("a_turn")
+    assert (turn.parent, turn.child) == ("hand", "a_tool")
+    np.testing.assert_array_equal(turn.placement.translation, [0, 2, 1])
+
+
+def test_a_loop_of_one_body_is_refused(tmp_path: Path) -> None:
+    sites = '<site name="a"/><site name="b" pos="0 0 1"/>'
+    path = write(tmp_path, mjcf(ARM % sites, equality('<connect name="knot" site1="a" site2="b"/>'), DRIVEN))
+    with pytest.raises(MechanismError, match="loop 'knot' joins link 'arm' to itself"):
+        stp.load(path, platform="arm")
 
 
 SIZES = ('memory="900T"', 'nkey="2000000000"', 'nuserdata="2000000000"', 'nuser_jnt="2000000000"')

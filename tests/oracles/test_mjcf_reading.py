@@ -257,6 +257,57 @@ def test_a_connect_and_a_rod_are_one_universal_joint(rng: np.random.Generator, t
         assert same_row_space(jacobian @ turn, stp.loop_jacobian(chain, closed)) < 1e-10
 
 
+LINKAGE = """
+<mujoco model="linkage">
+  <compiler angle="degree"/>
+  <option gravity="1 -9 -2"/>
+  <default><geom type="capsule" size="0.03"/><joint axis="0 0 1"/></default>
+  <worldbody>
+    <body name="left" pos="0 0 0.1">
+      <joint name="left" ref="30" pos="0.02 0 0"/><geom fromto="0 0 0 0.2 0.4 0"/>
+      <body name="platform" pos="0.2 0.4 0">
+        <joint name="elbow"/><geom fromto="0 0 0 0.3 0.2 0.1"/><site name="tip" pos="0.31 0.2 0.1"/>
+        <body name="spinner" pos="0 0.1 0"><joint name="spin" type="slide" axis="0 0 1"/><geom size="0.05 0.1"/></body>
+      </body>
+    </body>
+    <body name="right" pos="0.8 0 0.1">
+      <joint name="right" axis="0 0 -1" pos="0 -0.03 0"/><geom fromto="0 0 0 0.1 0.4 0"/>
+      <body name="forearm" pos="0.1 0.4 0">
+        <joint name="wrist"/><geom fromto="0 0 0 -0.4 0.1 0"/><site name="end" pos="-0.4 0.2 0.1"/>
+      </body>
+    </body>
+  </worldbody>
+  <equality>
+    <connect site1="end" site2="tip"/>
+    <joint joint1="spin" joint2="left" polycoef="0.05 0.2 0.1 0 0"/>
+  </equality>
+  <actuator><motor joint="right" gear="3"/><position joint="left" kp="5"/></actuator>
+</mujoco>
+"""
+
+
+def test_motor_efforts(rng: np.random.Generator, closed_states, project, tmp_path: Path) -> None:
+    """MuJoCo's file, tree and rows: a linkage drawn open, anchors off centre, a reference and a cam."""
+    twin = Twin.of(write(tmp_path, LINKAGE))
+    chain, model, data = twin.chain, twin.model, twin.data
+    assert chain.motors == ("right", "left")
+    assert "closing them moves joint" in str(chain.report)
+    motors = model.jnt_dofadr[model.actuator_trnid[:, 0]]
+    for state in closed_states(chain, 5):
+        ours = stp.inverse_dynamics(chain, state.q, state.v, state.a)
+        turn, drift = twin.set(state.q, state.v)
+        _, jacobian = twin.equalities()
+        data.qacc[:] = turn @ ours.a + drift
+        model.opt.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+        mujoco.mj_inverse(model, data)
+        model.opt.disableflags = 0
+        theirs = project(data.qfrc_inverse, jacobian, motors)
+        # Law 9.
+        assert np.abs(theirs - ours.tau_motor).max() <= 1e-9 * np.abs(ours.tau_motor).max()
+        proof = stp.inverse_dynamics(chain, state.q, state.v, state.a, method="constraint_matrix")
+        assert np.abs(proof.tau_motor - ours.tau_motor).max() <= 1e-10 * np.abs(ours.tau_motor).max()
+
+
 def test_the_model_that_comes_with_mujoco(rng: np.random.Generator) -> None:
     """Free bodies, balls, unnamed parts, a weld, meshes, tendons with wraps, ten actuators of all kinds."""
     path = Path(mujoco.__file__).parent / "testdata" / "model.xml"

@@ -76,6 +76,9 @@ class _MotorReader:
 
     def _driven(self, k: int) -> str | None:
         """Find the joint that an actuator drives; None, with a note: it is no motor."""
+        if self._is_off(k):
+            self._note(k, "the file disables it: no motor")
+            return None
         transmissions = self.mujoco.mjtTrn
         kind = transmissions(int(self.model.actuator_trntype[k]))
         if kind not in (transmissions.mjTRN_JOINT, transmissions.mjTRN_JOINTINPARENT):
@@ -96,6 +99,11 @@ class _MotorReader:
             text = "its gains and dynamics: here a motor gives the effort that it is told to give"
             self._note(k, text)
         return name
+
+    def _is_off(self, k: int) -> bool:
+        group, option = int(self.model.actuator_group[k]), self.model.opt
+        disabled = group >= 0 and option.disableactuator >> group & 1
+        return bool(disabled or option.disableflags & self.mujoco.mjtDisableBit.mjDSBL_ACTUATION)
 
     def _is_plain(self, k: int) -> bool:
         gains, biases, dynamics = self.mujoco.mjtGain, self.mujoco.mjtBias, self.mujoco.mjtDyn

@@ -113,7 +113,7 @@ class _TreeReader:
             if body > 0:
                 self._body(body)
         sites = self._sites()
-        platform = next((name for name in ("platform",) if name in self.bodies), sites.get("platform"))
+        platform = "platform" if "platform" in self.bodies else sites.get("platform")
         return Tree(
             links=tuple(self.links),
             joints=tuple(self.joints),
@@ -212,7 +212,7 @@ class _TreeReader:
         links: dict[str, str] = {}
         for k, name in enumerate(names):
             body = self.bodies[model.site_bodyid[k]]
-            if not name or k in ends:
+            if not name or (k in ends and name != "platform"):
                 continue
             placement = placement_of(model.site_pos[k], model.site_quat[k])
             if name == body and placement.isApprox(pin.SE3.Identity(), 1e-15):
