@@ -12,7 +12,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import FileFormatError, MechanismError, MissingExtraError
 from stewart_pin.model.description import JointKind, Mechanism
-from stewart_pin.model.formats.mjcf_reading import read_mjcf
+from stewart_pin.model.formats.mjcf.reading import read_mjcf
 from tests.model.small_mjcf import ARM, BALL, DRIVEN, QPOS, WORKSHOP, mjcf, write
 
 pytest.importorskip("mujoco")

@@ -18,12 +18,12 @@ import numpy as np
 
 from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import Mechanism, Note, Outcome
-from stewart_pin.model.formats.mjcf_compiling import compile_mjcf, import_mujoco
-from stewart_pin.model.formats.mjcf_ignored import ignored
-from stewart_pin.model.formats.mjcf_loops import read_ties
-from stewart_pin.model.formats.mjcf_motors import read_motors
-from stewart_pin.model.formats.mjcf_names import given_names
-from stewart_pin.model.formats.mjcf_tree import read_tree
+from stewart_pin.model.formats.mjcf.compiling import compile_mjcf, import_mujoco
+from stewart_pin.model.formats.mjcf.left_out import left_out
+from stewart_pin.model.formats.mjcf.loops import read_ties
+from stewart_pin.model.formats.mjcf.motors import read_motors
+from stewart_pin.model.formats.mjcf.names import given_names
+from stewart_pin.model.formats.mjcf.tree import read_tree
 from stewart_pin.model.formats.xml import UNLIMITED
 
 _USED = (
@@ -75,7 +75,7 @@ def read_mjcf(path: Path) -> Mechanism:
         home=tree.home,
         home_is_guess=True,
         source=str(path),
-        notes=(*said, *tree.notes, *ties.notes, *drive.notes, *key_notes, *ignored(model, tree)),
+        notes=(*said, *tree.notes, *ties.notes, *drive.notes, *key_notes, *left_out(model, tree)),
         gravity=(x, y, z),
     )
 

@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.model.description import Joint, JointKind, Link, Note, Outcome
-from stewart_pin.model.formats.mjcf_compiling import import_mujoco
-from stewart_pin.model.formats.mjcf_names import Names, given_names
+from stewart_pin.model.formats.mjcf.compiling import import_mujoco
+from stewart_pin.model.formats.mjcf.names import Names, given_names
 from stewart_pin.typing import FloatArray
 
 MUJOCO_FAR = 1e10

@@ -16,10 +16,10 @@ import pinocchio as pin
 
 from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import Coupling, JointKind, Loop, Note, Outcome
-from stewart_pin.model.formats.mjcf_compiling import import_mujoco
-from stewart_pin.model.formats.mjcf_merging import merge_loops
-from stewart_pin.model.formats.mjcf_names import Names, given_names
-from stewart_pin.model.formats.mjcf_tree import Tree, placement_of
+from stewart_pin.model.formats.mjcf.compiling import import_mujoco
+from stewart_pin.model.formats.mjcf.merging import merge_loops
+from stewart_pin.model.formats.mjcf.names import Names, given_names
+from stewart_pin.model.formats.mjcf.tree import Tree, placement_of
 from stewart_pin.typing import FloatArray
 
 

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.model.description import Note
-from stewart_pin.model.formats.mjcf_compiling import import_mujoco
-from stewart_pin.model.formats.mjcf_names import given_names
-from stewart_pin.model.formats.mjcf_tree import Tree
+from stewart_pin.model.formats.mjcf.compiling import import_mujoco
+from stewart_pin.model.formats.mjcf.names import given_names
+from stewart_pin.model.formats.mjcf.tree import Tree
 
 _FORCE = "left out, as a mechanism has no forces but those of gravity, inertia and motors"
 
 _ROTOR = "left out, as rotors are no bodies; simulate takes it for motors, as Motors(inertia=...)"
 
 
-def ignored(model: Any, tree: Tree) -> tuple[Note, ...]:
+def left_out(model: Any, tree: Tree) -> tuple[Note, ...]:
     """List what is left out.
 
     Parameters

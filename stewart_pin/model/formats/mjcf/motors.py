@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.model.description import Joint, Note, Outcome
-from stewart_pin.model.formats.mjcf_compiling import import_mujoco
-from stewart_pin.model.formats.mjcf_names import given_names
-from stewart_pin.model.formats.mjcf_tree import Tree
+from stewart_pin.model.formats.mjcf.compiling import import_mujoco
+from stewart_pin.model.formats.mjcf.names import given_names
+from stewart_pin.model.formats.mjcf.tree import Tree
 
 
 @dataclass(frozen=True, eq=False)

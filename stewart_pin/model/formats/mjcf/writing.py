@@ -27,9 +27,9 @@ from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Mechanism
-from stewart_pin.model.formats.mjcf_bodies import Body, plan_bodies
-from stewart_pin.model.formats.mjcf_equalities import write_equalities
-from stewart_pin.model.formats.mjcf_tree import MUJOCO_FAR
+from stewart_pin.model.formats.mjcf.bodies import Body, plan_bodies
+from stewart_pin.model.formats.mjcf.equalities import write_equalities
+from stewart_pin.model.formats.mjcf.tree import MUJOCO_FAR
 from stewart_pin.model.formats.xml import number_text
 from stewart_pin.typing import ArrayLike, FloatArray
 
