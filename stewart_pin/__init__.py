@@ -13,6 +13,8 @@ from stewart_pin.analysis.assembly_modes import describe_modes as describe_modes
 from stewart_pin.analysis.singularities import SingularityOnPath as SingularityOnPath
 from stewart_pin.analysis.singularities import closed_path as closed_path
 from stewart_pin.analysis.singularities import find_singularity as find_singularity
+from stewart_pin.analysis.singularity_map import SingularityMap as SingularityMap
+from stewart_pin.analysis.singularity_map import singularity_map as singularity_map
 from stewart_pin.analysis.workspace import WorkspaceSamples as WorkspaceSamples
 from stewart_pin.analysis.workspace import sample_workspace as sample_workspace
 from stewart_pin.building.exporting import export as export

@@ -23,13 +23,11 @@ from stewart_pin.errors import InputError
 from stewart_pin.mechanics.freedom import TWIST_AXES
 from stewart_pin.mechanics.generic import generic_freedom
 from stewart_pin.mechanics.singularity import Singularity, SingularityKind, classify_singularity
-from stewart_pin.mechanics.singularity.split import Measure, split_jacobians
+from stewart_pin.mechanics.singularity.split import ALIGNED, Measure, signed_measure, split_jacobians
 from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.typing import ArrayLike, Configuration
 
 Path = Callable[[float], Configuration]
-_ALIGNED = 0.7
-"""Cosine between singular vectors at two ends of an interval from which on they are the same ones."""
 _SHORTEST = 1e-6
 """Share of the path below which an interval is not halved."""
 _SHORT = 1e-3
@@ -264,9 +262,9 @@ class _Search:
         change = sum(np.linalg.norm(x.matrix - middle.matrix, 2) for x in (first, last))
         if min(first.value, middle.value, last.value) > change:
             return "clear"
-        if min(abs(first.left @ last.left), abs(first.motion @ last.motion)) < _ALIGNED:
+        if min(abs(first.left @ last.left), abs(first.motion @ last.motion)) < ALIGNED:
             return "unsure"
-        if _signed(first, last) < 0:
+        if signed_measure(first, last) < 0:
             return "crossed"
         if b.s - a.s > _SHORT * self._span:
             return "unsure"
@@ -274,7 +272,7 @@ class _Search:
 
     def _lowest(self, a: _Sample, b: _Sample, kind: SingularityKind) -> _Sample:
         def value(s: float) -> float:
-            return _signed(a.measures[kind], self._sample(s).measures[kind])
+            return signed_measure(a.measures[kind], self._sample(s).measures[kind])
 
         options = {"xatol": 1e-12 * max(1.0, abs(a.s), abs(b.s))}
         found = minimize_scalar(value, bounds=(a.s, b.s), method="bounded", options=options)
@@ -285,11 +283,11 @@ class _Search:
         first = a.measures[kind]
         if verdict == "ends":
             beyond = 2 * b.s - a.s
-            return b, beyond < self._end and _signed(first, self._sample(beyond).measures[kind]) < 0
+            return b, beyond < self._end and signed_measure(first, self._sample(beyond).measures[kind]) < 0
         if verdict == "touched":
             return self._lowest(a, b, kind), False
         tight = 4e-15 * max(1.0, abs(a.s), abs(b.s))
-        root = brentq(lambda s: _signed(first, self._sample(s).measures[kind]), a.s, b.s, xtol=tight)
+        root = brentq(lambda s: signed_measure(first, self._sample(s).measures[kind]), a.s, b.s, xtol=tight)
         return self._sample(float(root)), True  # pyright: ignore[reportArgumentType]
 
     def _step(self, a: _Sample, b: _Sample) -> np.ndarray:
@@ -318,9 +316,3 @@ class _Search:
             margin=at.measures[kind].value,
             singularity=classify_singularity(self._chain, at.q, length=self._length, generic=self._generic),
         )
-
-
-def _signed(reference: Measure, here: Measure) -> float:
-    """Measure with the sign that continues the reference: smooth along a path, where singular values have a kink."""
-    turned = 1.0 if reference.left @ here.left >= 0 else -1.0
-    return here.value * turned * float(reference.motion @ here.motion)

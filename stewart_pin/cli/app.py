@@ -10,6 +10,7 @@ from stewart_pin.cli.inspect import inspect
 from stewart_pin.cli.modes import modes
 from stewart_pin.cli.shake import shake
 from stewart_pin.cli.simulate import simulate
+from stewart_pin.cli.singularity import singularity
 
 app = typer.Typer(
     name="stewart_pin",
@@ -19,5 +20,5 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (compare, inspect, modes, capability, simulate, shake):
+for command in (compare, inspect, modes, capability, singularity, simulate, shake):
     app.command()(command)

@@ -6,15 +6,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import pinocchio as pin
 import typer
 from rich.markup import escape
 from rich.table import Table
 
 from stewart_pin.building.loading import load
-from stewart_pin.cli.output import console, parse_numbers, write_json
+from stewart_pin.cli.output import console, write_json
+from stewart_pin.cli.poses import configuration_of, describe_pose
 from stewart_pin.errors import InputError
-from stewart_pin.geometry.rotations import rotation_from_rpy, rpy_from_rotation
 from stewart_pin.mechanics.capability.polytope import (
     Polytope,
     inscribed_ball,
@@ -25,8 +24,7 @@ from stewart_pin.mechanics.capability.polytope import (
 )
 from stewart_pin.mechanics.capability.velocity import velocity_polytope
 from stewart_pin.mechanics.capability.wrench import wrench_polytope
-from stewart_pin.mechanics.kinematics import inverse_kinematics, motor_positions, platform_pose
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.mechanics.kinematics import motor_positions, platform_pose
 from stewart_pin.viz.figures import save_figure
 from stewart_pin.viz.polytope_picture import plot_polytopes
 
@@ -48,13 +46,13 @@ def capability(
 ) -> None:
     """Show greatest velocities and wrenches of the platform at a pose."""
     chain = load(robot)
-    q = _configuration(chain, pose, limits)
+    q = configuration_of(chain, pose, limits)
     velocity = velocity_polytope(chain, q, rate_limit=rate_limit, limits=limits)
     free = wrench_polytope(chain, q, effort_limit=effort_limit)
     loaded = wrench_polytope(chain, q, effort_limit=effort_limit, gravity=True)
     figures = {
         "robot": chain.name,
-        "pose": _describe_pose(platform_pose(chain, q)),
+        "pose": describe_pose(platform_pose(chain, q)),
         "motor_positions": dict(zip(chain.motors, motor_positions(chain, q).tolist(), strict=True)),
         "length": velocity.length,
         "velocity": summarise(velocity),
@@ -112,19 +110,6 @@ def summarise(polytope: Polytope) -> dict[str, Any]:
         "faces": len(polytope.offsets),
         "ball": {"radius": ball.radius, "worst_direction": ball.direction.tolist(), "limit": ball.limit},
     }
-
-
-def _configuration(chain: ClosedChain, pose: str | None, limits: bool) -> np.ndarray:
-    if pose is None:
-        return chain.q_home
-    x, y, z, roll, pitch, yaw = parse_numbers("--pose", pose, 6)
-    target = pin.SE3(rotation_from_rpy(roll, pitch, yaw), np.array([x, y, z]))
-    return inverse_kinematics(chain, target, limits=limits).q
-
-
-def _describe_pose(pose: pin.SE3) -> dict[str, float]:
-    values = [*pose.translation, *rpy_from_rotation(pose.rotation)]
-    return {k: float(v) for k, v in zip(("x", "y", "z", "roll", "pitch", "yaw"), values, strict=True)}
 
 
 def _print(figures: dict[str, Any]) -> None:

@@ -48,6 +48,10 @@ MEANING = {
 """Each kind in words."""
 
 
+ALIGNED = 0.7
+"""Cosine between singular vectors at two configurations from which on they are the same ones."""
+
+
 @dataclass(frozen=True, eq=False)
 class Measure:
     """How near one kind of singularity is.
@@ -149,6 +153,25 @@ def split_jacobians(
         platform=twist @ motions,
         length=length,
     )
+
+
+def signed_measure(reference: Measure, here: Measure) -> float:
+    """Give a measure the sign that continues a reference: smooth along a path, where singular values have a kink.
+
+    Parameters
+    ----------
+    reference
+        Measure at a configuration nearby, counted as positive.
+    here
+        Measure of the same kind.
+
+    Returns
+    -------
+    float
+        The measure, times the cosine between the motions of the two; negative beyond a singularity.
+    """
+    turned = 1.0 if reference.left @ here.left >= 0 else -1.0
+    return here.value * turned * float(reference.motion @ here.motion)
 
 
 def _measure(rows: FloatArray, domain: FloatArray, rank: int) -> Measure:
