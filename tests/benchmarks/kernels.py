@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -21,20 +22,10 @@ from scipy.spatial.transform import Rotation
 import stewart_pin as stp
 from stewart_pin.building.hexapod_bodies import hexapod_bodies
 from stewart_pin.closure.pinocchio_constraints import constraint_models
-from stewart_pin.kernels.array_kernel import ArrayKernel
-from stewart_pin.kernels.graph.platform_dynamics import (
-    forward_dynamics_function,
-    inverse_dynamics_function,
-    place_platform,
-)
-from stewart_pin.kernels.instructions import program_from_casadi
-from stewart_pin.kernels.plan import plan_platform
-from stewart_pin.kernels.preparing import prepare
-from stewart_pin.kernels.program import Kind, Program, n_operations, operation_counts
-from tests.kernels.hexapod_graph import lengths_function, sample_states
+from tests.kernels.hexapod_graph import sample_states
 from tests.oracles.test_mujoco import compiled
 
-N = 8192
+N = 16384
 FEW = 32
 """States of the ways that take one at a time."""
 Way = tuple[Callable[[], object], int]
@@ -63,36 +54,37 @@ def lean_pinocchio(chain: stp.ClosedChain, q: np.ndarray, v: np.ndarray, a: np.n
     return tau
 
 
-def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, Program], dict[str, float]]:
+def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
     """Prepare all ways, and check that they agree."""
     rng = np.random.default_rng(1)
     pose, twist, acceleration = sample_states(rng, N)
-    programs, seconds, kernels = {}, {}, {}
-    start = time.process_time()
-    placed = place_platform(plan_platform(chain))
-    functions = {
-        "inverse dynamics": inverse_dynamics_function(placed),
-        "forward dynamics": forward_dynamics_function(placed),
-    }
-    functions["six lengths"] = lengths_function(stp.Hexapod.from_chain(chain))
-    seconds["graphs"] = time.process_time() - start
-    for name, function in functions.items():
+    seconds: dict[str, float] = {}
+
+    def timed(name: str, call: Callable[[], Any]) -> Any:
         start = time.process_time()
-        programs[name] = prepare(program_from_casadi(function))
-        kernels[name] = ArrayKernel(programs[name])
-        seconds[f"compile {name}"] = time.process_time() - start
-    single = ArrayKernel(programs["inverse dynamics"], dtype=np.float32)
+        result = call()
+        seconds[name] = time.process_time() - start
+        return result
+
+    kernels = timed("plan", lambda: stp.compile_kernels(chain))
+    half_kernels = stp.compile_kernels(chain, dtype=np.float32)
+    graph = timed("graph of inverse dynamics", lambda: kernels.casadi("inverse_dynamics"))
+    inverse = timed("compile inverse dynamics", lambda: stp.compile_function(graph))
+    one = timed("compile it for one state", inverse.single_state)
+    tau = timed("first inverse dynamics", lambda: kernels.inverse_dynamics(pose, twist, acceleration))
+    back = timed("first forward dynamics", lambda: kernels.forward_dynamics(pose, twist, tau))
+    lengths = timed("first six lengths", lambda: kernels.inverse_kinematics(pose))
+    home = pin.SE3ToXYZQUAT(stp.platform_pose(chain, chain.q_home))
+    found_pose = timed("first forward kinematics", lambda: kernels.forward_kinematics(lengths, home))
+    near = pose + np.array([0.01, 0.01, 0.01, 0, 0, 0, 0])
 
     states = [
         stp.platform_motion(chain, pin.XYZQUATToSE3(p), t, c)
         for p, t, c in zip(pose[:FEW], twist[:FEW], acceleration[:FEW], strict=True)
     ]
     q, v, a = (np.array([getattr(s, n) for s in states]) for n in "qva")
-    inverse, forward = kernels["inverse dynamics"], kernels["forward dynamics"]
-    out, out32, lengths = np.empty((N, 6)), np.empty((N, 6), dtype=np.float32), np.empty((N, 6))
+    out = np.empty((N, 6))
     half = [x.astype(np.float32) for x in (pose, twist, acceleration)]
-    tau = inverse(pose, twist, acceleration)
-    one = inverse.single_state()
     short = [x[:1] for x in (pose, twist, acceleration)]
     first = [x[0].copy() for x in (pose, twist, acceleration)]
     hexapod, bodies = stp.Hexapod.from_chain(chain), hexapod_bodies(chain)
@@ -129,26 +121,29 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, Program], di
         ("closed form", closed_form()),
     ):
         assert np.abs(other - tau[: len(other)]).max() < 1e-10 * size, name
-    assert np.abs(forward(pose, twist, tau) - acceleration).max() < 1e-9
-    assert (
-        np.abs(kernels["six lengths"](pose) - stp.leg_lengths(hexapod, pose[:, :3], rotation)).max() < 1e-14
-    )
-    print(f"float32: largest error {np.abs(single(*half) - tau).max() / size:.1e} of the largest force")
+    assert np.abs(back - acceleration).max() < 1e-9
+    assert np.abs(lengths - stp.leg_lengths(hexapod, pose[:, :3], rotation)).max() < 1e-14
+    assert np.abs(found_pose - pose).max() < 1e-12
+    error = np.abs(half_kernels.inverse_dynamics(*half) - tau).max() / size
+    print(f"float32: largest error {error:.1e} of the largest force")
     found: dict[str, Way] = {
         "Pinocchio from Python, lean": (lambda: lean_pinocchio(chain, q, v, a), FEW),
         "stp.inverse_dynamics": (verb, FEW),
         "MuJoCo mj_inverse (no motor forces)": (mujoco_inverse, FEW),
         "NumPy closed form": (closed_form, N),
-        "kernel, float64": (lambda: inverse(pose, twist, acceleration, out=out), N),
+        "kernel, float64": (lambda: kernels.inverse_dynamics(pose, twist, acceleration), N),
+        "kernel, float64, out=": (lambda: inverse(pose, twist, acceleration, out=out), N),
         "kernel, float64, 2 threads": (lambda: inverse(pose, twist, acceleration, out=out, threads=2), N),
-        "kernel, float32": (lambda: single(*half, out=out32), N),
+        "kernel, float32": (lambda: half_kernels.inverse_dynamics(*half), N),
         "kernel, array of one state": (lambda: [inverse(*short, out=out[:1]) for _ in range(FEW)], FEW),
         "kernel, single state, arrays given": (lambda: [one(*first) for _ in range(FEW)], FEW),
         "kernel, single state, in place": (lambda: [one.run() for _ in range(FEW)], FEW),
-        "forward dynamics, float64": (lambda: forward(pose, twist, tau, out=out), N),
-        "six lengths, float64": (lambda: kernels["six lengths"](pose, out=lengths), N),
+        "forward dynamics": (lambda: kernels.forward_dynamics(pose, twist, tau), N),
+        "six lengths": (lambda: kernels.inverse_kinematics(pose), N),
+        "forward kinematics, from home": (lambda: kernels.forward_kinematics(lengths, home), N),
+        "forward kinematics, 1 cm beside": (lambda: kernels.forward_kinematics(lengths, near), N),
     }
-    return found, programs, seconds
+    return found, seconds
 
 
 def main() -> None:
@@ -157,11 +152,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=25)
     parser.add_argument("--robot", default="stewart", help="a six-legged platform")
     options = parser.parse_args()
-    found, programs, seconds = ways(stp.load(options.robot))
-    for name, program in programs.items():
-        counts = operation_counts(program)
-        work = n_operations(program) - counts.get(Kind.NEG, 0)
-        print(f"{name}: {work} operations, {counts.get(Kind.DIV, 0)} divisions")
+    found, seconds = ways(stp.load(options.robot))
     print(", ".join(f"{name} {value:.2f} s" for name, value in seconds.items()))
     times: dict[str, list[float]] = {name: [] for name in found}
     for _ in range(options.rounds):
