@@ -9,16 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from typing import Literal
 
 import casadi as ca
 
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.graph import driven_tree, platform_dynamics, platform_kinematics, whole_tree
-from stewart_pin.kernels.graph.driven_tree import Coordinates, DrivenTree
+from stewart_pin.kernels.graph.derivatives import dynamics_derivatives
+from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.plan import plan_platform
 from stewart_pin.model.chain import ClosedChain
+
+Coordinates = Literal["platform", "motor", "tree"]
 
 _LEGS: dict[str, Callable[[PlacedPlatform], ca.Function]] = {
     "inverse_dynamics": platform_dynamics.inverse_dynamics_function,
@@ -30,6 +34,7 @@ _LEGS: dict[str, Callable[[PlacedPlatform], ca.Function]] = {
 _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
     "inverse_dynamics": driven_tree.driven_inverse_dynamics,
     "forward_dynamics": driven_tree.driven_forward_dynamics,
+    "reactions": driven_tree.driven_reactions,
     "motor_jacobian": driven_tree.driven_motor_jacobian,
     "closing_step": driven_tree.closing_step_function,
 }
@@ -38,6 +43,12 @@ _TREE: dict[str, Callable[[ClosedTree], ca.Function]] = {
     "tree_forward_dynamics": whole_tree.forward_dynamics_function,
     "platform_pose": driven_tree.platform_pose_function,
 }
+_STATE: dict[str, Callable[[ClosedTree], ca.Function]] = {
+    "inverse_dynamics": whole_tree.judged_inverse_dynamics,
+    "forward_dynamics": whole_tree.judged_forward_dynamics,
+    "reactions": whole_tree.judged_reactions,
+}
+_DERIVATIVES = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives")
 
 
 class FunctionSet:
@@ -48,7 +59,7 @@ class FunctionSet:
     chain
         Closed chain.
     coordinates
-        ``"platform"`` or ``"motor"``.
+        ``"platform"``, ``"motor"`` or ``"tree"``.
 
     Raises
     ------
@@ -60,17 +71,19 @@ class FunctionSet:
         self.chain = chain
         self.coordinates: Coordinates = coordinates
         self.placed: PlacedPlatform | None = None
-        self.why_whole_tree = "motor coordinates"
+        self.why_whole_tree = f"{coordinates} coordinates"
         if coordinates == "platform":
             try:
                 self.placed = platform_dynamics.place_platform(plan_platform(chain))
                 self.why_whole_tree = ""
             except UnsupportedError as reason:
                 self.why_whole_tree = str(reason)
-        if self.placed is None:
-            self.freedoms = self.driven.determined
-        else:
+        if self.placed is not None:
             self.freedoms = self.placed.plan.twists.shape[1]
+        elif coordinates == "tree":
+            self.freedoms = self.closed.motions.shape[1]
+        else:
+            self.freedoms = self.driven.determined
 
     @cached_property
     def closed(self) -> ClosedTree:
@@ -79,28 +92,34 @@ class FunctionSet:
 
     @cached_property
     def driven(self) -> DrivenTree:
-        """The whole tree, driven by the coordinates."""
-        return driven_tree.drive_tree(self.closed, self.coordinates)
+        """The whole tree, driven by its platform or its motors."""
+        return driven_tree.drive_tree(self.closed, "motor" if self.coordinates == "motor" else "platform")
 
     @cached_property
     def motor_driven(self) -> DrivenTree:
         """The whole tree, driven by its motors."""
         return self.driven if self.coordinates == "motor" else driven_tree.drive_tree(self.closed, "motor")
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the functions."""
-        own = tuple(_LEGS) if self.placed is not None else (*_DRIVEN, "motor_closing_step")
+        if self.coordinates == "tree":
+            return (*_STATE, *_TREE)
         if self.coordinates == "motor":
-            own = tuple(name for name in own if name != "motor_jacobian")
-        return (*own, *_TREE)
+            own = [name for name in _DRIVEN if name != "motor_jacobian"]
+        elif self.placed is None:
+            own = [*_DRIVEN, "motor_closing_step"]
+        else:
+            own = [*_LEGS, "reactions", "closing_step"]
+        return (*own, *_DERIVATIVES, *_TREE)
 
     @property
     def pivot_score(self) -> float:
         """Smallest pivot relative to its column, over the samples."""
-        if self.placed is None:
-            return min(self.driven.reduced.pivots.score, self.closed.reduced.pivots.score)
-        return min(leg.reduced.pivots.score for leg in self.placed.legs)
+        if self.placed is not None:
+            return min(leg.reduced.pivots.score for leg in self.placed.legs)
+        own = self.closed.reduced.pivots.score
+        return own if self.coordinates == "tree" else min(self.driven.reduced.pivots.score, own)
 
     def function(self, name: str) -> ca.Function:
         """Write a function.
@@ -124,7 +143,12 @@ class FunctionSet:
             raise InputError(f"name must be one of {', '.join(self.names)}, got {name!r}")
         if name in _TREE:
             return _TREE[name](self.closed)
-        if self.placed is not None:
+        if self.coordinates == "tree":
+            return _STATE[name](self.closed)
+        if name in _DERIVATIVES:
+            function = self.function(name.removesuffix("_derivatives"))
+            return dynamics_derivatives(function, None if self.placed is not None else self.driven)
+        if self.placed is not None and name in _LEGS:
             return _LEGS[name](self.placed)
         if name == "motor_closing_step":
             return _DRIVEN["closing_step"](self.motor_driven)

@@ -55,6 +55,21 @@ class Solved:
         states[rows], gap[rows], closed[rows] = other.states, other.gap, other.closed
         return Solved(states, gap, closed)
 
+    def with_rows_of(self, rows: np.ndarray) -> Solved:
+        """Pick rows, any of them several times.
+
+        Parameters
+        ----------
+        rows
+            Indices of the rows.
+
+        Returns
+        -------
+        Solved
+            Those rows.
+        """
+        return Solved(self.states[rows], self.gap[rows], self.closed[rows])
+
 
 def damped_newton(
     step: ArrayKernel, start: FloatArray, target: FloatArray, *, max_iterations: int = 60, threads: int = 1

@@ -285,5 +285,14 @@ def _loops(chain: ClosedChain) -> tuple[LoopEnds, ...]:
 
 def _couplings(chain: ClosedChain) -> tuple[CouplingRow, ...]:
     rows = chain.loop_table.coupling
-    entries = zip(rows.index, rows.q1, rows.v1, rows.q2, rows.v2, rows.polynomial, strict=True)
-    return tuple(CouplingRow(*(int(k) for k in places), polynomial) for *places, polynomial in entries)
+    return tuple(
+        CouplingRow(
+            index=int(rows.index[k]),
+            q1=int(rows.q1[k]),
+            v1=int(rows.v1[k]),
+            q2=int(rows.q2[k]),
+            v2=int(rows.v2[k]),
+            polynomial=rows.polynomial[k],
+        )
+        for k in range(len(rows.index))
+    )

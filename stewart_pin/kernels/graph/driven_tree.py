@@ -19,7 +19,7 @@ from stewart_pin.kernels.elimination import Elimination, plan_pivots, solve_symm
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.joint_efforts import efforts_of_wrenches, moments_of
 from stewart_pin.kernels.graph.joint_motion import at_rest, motions
-from stewart_pin.kernels.graph.loop_gaps import loop_gaps
+from stewart_pin.kernels.graph.loop_gaps import loop_gaps, opposed_axes
 from stewart_pin.kernels.graph.quaternions import turned_by_small
 from stewart_pin.kernels.graph.whole_tree import (
     ClosedTree,
@@ -150,6 +150,26 @@ def _follow(driven: DrivenTree, demand: ca.SX) -> ca.SX:
     return motion - driven.idle @ ca.vertcat(*parts)
 
 
+def follow(driven: DrivenTree, k: int) -> ca.SX:
+    """Move the chain with one of its driving coordinates.
+
+    Parameters
+    ----------
+    driven
+        The chain.
+    k
+        Which coordinate.
+
+    Returns
+    -------
+    casadi.SX
+        (nv, 1) tangent velocity at unit rate of that coordinate, the others at rest.
+    """
+    demand = ca.SX.zeros(driven.closed.tree.nc + driven.drive.shape[1])
+    demand[driven.closed.tree.nc + k] = 1
+    return _follow(driven, demand)
+
+
 def _infeasible(driven: DrivenTree, motion: ca.SX, demand: ca.SX) -> ca.SX:
     """Part of a demand on the drive that the chain cannot follow, relative to 1 and to the demand."""
     nc = driven.closed.tree.nc
@@ -175,20 +195,38 @@ def driven_inverse_dynamics(driven: DrivenTree) -> ca.Function:
         of what drives, (6, 1) or (nu, 1). `infeasible` is the part of the demanded motion that the chain cannot do,
         relative to 1 and to the demand.
     """
-    closed, nc = driven.closed, driven.closed.tree.nc
-    size = driven.drive.shape[1]
+    inputs, tau_motor, _, infeasible = _inverse(driven)
+    return shared("inverse_dynamics", inputs, {"tau_motor": tau_motor, "infeasible": infeasible})
+
+
+def driven_reactions(driven: DrivenTree) -> ca.Function:
+    """Write the loop reactions of a motion.
+
+    Parameters
+    ----------
+    driven
+        The chain.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, velocity, acceleration) -> (lambda_c, infeasible)``, as for inverse dynamics; lambda_c (nc, 1).
+    """
+    inputs, _, lambda_c, infeasible = _inverse(driven)
+    return shared("reactions", inputs, {"lambda_c": lambda_c, "infeasible": infeasible})
+
+
+def _inverse(driven: DrivenTree) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX]:
+    closed, nc, size = driven.closed, driven.closed.tree.nc, driven.drive.shape[1]
     velocity, acceleration = ca.SX.sym("velocity", size), ca.SX.sym("acceleration", size)
     v = _follow(driven, ca.vertcat(ca.SX.zeros(nc), velocity))
     bias = _platform_bias(closed, v) if driven.coordinates == "platform" else ca.SX.zeros(size)
     demand = acceleration - bias
     a = _follow(driven, ca.vertcat(-tree_bias(closed, v), demand))
-    tau_motor, _ = tree_inverse_dynamics(closed, v, a)
+    tau_motor, lambda_c = tree_inverse_dynamics(closed, v, a)
     infeasible = ca.fmax(_infeasible(driven, v, velocity), _infeasible(driven, a, demand))
-    return shared(
-        "inverse_dynamics",
-        {"q": closed.q, "velocity": velocity, "acceleration": acceleration},
-        {"tau_motor": tau_motor, "infeasible": infeasible},
-    )
+    inputs = {"q": closed.q, "velocity": velocity, "acceleration": acceleration}
+    return inputs, tau_motor, lambda_c, infeasible
 
 
 def driven_forward_dynamics(driven: DrivenTree) -> ca.Function:
@@ -252,7 +290,7 @@ def closing_step_function(driven: DrivenTree) -> ca.Function:
     -------
     casadi.Function
         ``(q, target, share) -> (q_next, gap)``: target (7, 1) pose or (nu, 1) motor positions; the gap, in robot sizes
-        and radians, is that before the step.
+        and radians, is that before the step; its last entry is 1 where a loop has closed with its axes opposed.
     """
     closed, tree, chain = driven.closed, driven.closed.tree, driven.closed.chain
     share = ca.SX.sym("share")
@@ -266,6 +304,7 @@ def closing_step_function(driven: DrivenTree) -> ca.Function:
     gap = ca.vertcat(closed.columns.turn.T @ loops, off)
     step = share * driven.reduced.transposed(-gap)
     scaled = ca.vertcat(loops, off) / constant(np.concatenate([row_sizes(chain), sizes]))
+    scaled = ca.vertcat(scaled, opposed_axes(tree, closed.at))
     return shared(
         "closing_step",
         {"q": closed.q, "target": target, "share": share},

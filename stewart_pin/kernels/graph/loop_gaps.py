@@ -8,6 +8,7 @@ from stewart_pin.kernels.graph.joint_motion import Placements
 from stewart_pin.kernels.graph.loop_rows import follower
 from stewart_pin.kernels.spatial import constant, rotation_constant
 from stewart_pin.kernels.tree import Tree
+from stewart_pin.model.description import JointKind
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow
 
 
@@ -46,3 +47,32 @@ def loop_gaps(tree: Tree, at: Placements, q: ca.SX) -> ca.SX:
     for row in tree.couplings:
         gap[row.index] = q[row.q1] - follower(row, q, 0)
     return gap
+
+
+def opposed_axes(tree: Tree, at: Placements) -> ca.SX:
+    """Find loops whose rows vanish although they are not assembled: directions that should agree are opposed.
+
+    Parameters
+    ----------
+    tree
+        Constants.
+    at
+        Placements of the bodies.
+
+    Returns
+    -------
+    casadi.SX
+        (1, 1) 0 for an assembled chain, 1 where the axes of a loop point against each other.
+    """
+    worst = ca.SX(0)
+    for loop in tree.loops:
+        if loop.kind is JointKind.UNIVERSAL:
+            continue
+        # Angle rows hold u2 of frame 2 at right angles to two axes of frame 1: along the third, which has its name.
+        axes = {tuple(row.u2) for row in loop.rows if isinstance(row, AngleRow)}
+        frame1 = at.to_world[loop.body1] @ rotation_constant(loop.rotation1)
+        frame2 = at.to_world[loop.body2] @ rotation_constant(loop.rotation2)
+        for axis in sorted(axes):
+            agreement = ca.dot(frame1 @ constant(axis), frame2 @ constant(axis))
+            worst = ca.fmax(worst, -agreement)
+    return worst

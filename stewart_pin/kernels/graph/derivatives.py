@@ -1,0 +1,101 @@
+"""Derivatives of the dynamics, by CasADi's differentiation of the graphs, along charts of the state.
+
+A pose is displaced by a shift and a rotation vector in world axes. Where the functions take the whole configuration,
+this moves along the motion that the drive imposes, so that loops stay closed.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from stewart_pin.kernels.graph.driven_tree import DrivenTree, follow
+from stewart_pin.kernels.graph.functions import shared
+from stewart_pin.kernels.spatial import skew, turn_from_quaternion
+from stewart_pin.kernels.tree import Tree
+from stewart_pin.model.description import JointKind
+
+
+def pose_chart(pose: ca.SX) -> ca.SX:
+    """Differentiate a pose along its displacements in world axes.
+
+    Parameters
+    ----------
+    pose
+        (7, 1) position and unit quaternion x y z w.
+
+    Returns
+    -------
+    casadi.SX
+        (7, 6).
+    """
+    vector, scalar = pose[3:6], pose[6]
+    # d(exp(φ) q)/dφ at zero is half of the quaternion product with the unit vectors from the left.
+    turn = ca.vertcat(scalar * ca.SX.eye(3) - skew(vector), -vector.T) / 2
+    return ca.diagcat(ca.SX.eye(3), turn)
+
+
+def configuration_chart(tree: Tree, q: ca.SX) -> ca.SX:
+    """Differentiate a configuration along its tangent.
+
+    Parameters
+    ----------
+    tree
+        Constants.
+    q
+        (nq, 1) configuration.
+
+    Returns
+    -------
+    casadi.SX
+        (nq, nv).
+    """
+    chart = ca.SX(tree.nq, tree.nv)
+    for joint in tree.joints:
+        part = q[joint.q]
+        match joint.kind:
+            case JointKind.SPHERICAL:
+                chart[joint.q, joint.v] = _body_turn(part)
+            case JointKind.FLOATING:
+                chart[joint.q, joint.v] = ca.diagcat(turn_from_quaternion(part[3:]), _body_turn(part[3:]))
+            case _:
+                chart[joint.q, joint.v] = 1
+    return chart
+
+
+def _body_turn(quaternion: ca.SX) -> ca.SX:
+    vector, scalar = quaternion[:3], quaternion[3]
+    return ca.vertcat(scalar * ca.SX.eye(3) + skew(vector), -vector.T) / 2
+
+
+def dynamics_derivatives(function: ca.Function, driven: DrivenTree | None) -> ca.Function:
+    """Differentiate inverse or forward dynamics.
+
+    Parameters
+    ----------
+    function
+        ``inverse_dynamics`` or ``forward_dynamics``.
+    driven
+        The whole tree that it is about, if it takes its configuration; None if it takes the pose.
+
+    Returns
+    -------
+    casadi.Function
+        Same inputs; three matrices ``by_NAME``, one for each input, with as many rows as the function's result. For a
+        platform with fewer than six freedoms they hold along displacements, twists and accelerations that it can do.
+    """
+    inputs = function.sx_in()
+    names = function.name_in()
+    result = function.call(inputs)[0]
+    if driven is None:
+        along = pose_chart(inputs[0])
+    else:
+        columns = [follow(driven, k) for k in range(driven.drive.shape[1])]
+        moved = ca.substitute([ca.horzcat(*columns)], [driven.closed.q], [inputs[0]])[0]
+        along = configuration_chart(driven.closed.tree, inputs[0]) @ moved
+    by_state = ca.jacobian(result, inputs[0]) @ along
+    matrices = [by_state, ca.jacobian(result, inputs[1]), ca.jacobian(result, inputs[2])]
+    of = names if driven is None else ["position", *names[1:]]
+    outputs = {f"by_{name}": matrix for name, matrix in zip(of, matrices, strict=True)}
+    if "infeasible" in function.name_out():
+        outputs["infeasible"] = function.call(inputs)[function.name_out().index("infeasible")]
+    return shared(f"{function.name()}_derivatives", dict(zip(names, inputs, strict=True)), outputs)

@@ -1,0 +1,160 @@
+"""Kernels of the whole state, reactions, and derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.kernels.compile import compile_kernels
+from stewart_pin.kernels.graph.derivatives import configuration_chart
+from stewart_pin.kernels.status import StateStatus
+from stewart_pin.kernels.tree import tree_of
+from stewart_pin.kernels.verbs import Kernels
+from stewart_pin.model.loop_rows import orthonormal_triad
+from tests import mechanisms
+from tests.closed_states import close, derivative, random_configuration, random_motion, robot
+from tests.kernels.test_compile import kernels, platform_states
+
+AGREE = 1e-10
+
+
+def tree_states(chain: stp.ClosedChain, rng: np.random.Generator, count: int = 3) -> list[np.ndarray]:
+    states = []
+    for _ in range(count):
+        q = random_configuration(chain, rng)
+        states.append((q, *random_motion(chain, rng, q)))
+    return [np.array(x) for x in zip(*states, strict=True)]
+
+
+@pytest.mark.parametrize("name", ["stewart_sps", "four_bar", "arm_7r"])
+def test_states_of_the_whole_tree(name: str, rng: np.random.Generator) -> None:
+    chain = robot(name)
+    many = compile_kernels(chain, coordinates="tree")
+    q, v, a = tree_states(chain, rng)
+    tau_motor = many.inverse_dynamics(q, v, a)
+    moved = many.forward_dynamics(q, v, tau_motor) / chain.tangent_scale
+    reactions = many.reactions(q, v, a)
+    for k in range(3):
+        effort = stp.inverse_dynamics(chain, q[k], v[k], a[k])
+        close(tau_motor[k], effort.tau_motor, AGREE)
+        close(reactions[k], effort.lambda_c, AGREE)
+        close(moved[k], effort.a / chain.tangent_scale, 1e-9)  # a thin rod's spin is the least determined
+
+
+def test_states_that_open_loops_have_a_code(rng: np.random.Generator) -> None:
+    chain = robot("four_bar")
+    many = compile_kernels(chain, coordinates="tree")
+    q, v, a = tree_states(chain, rng, 4)
+    q[1, 0] += 1e-3
+    v[2, 0] += 1e-3
+    a[3, 0] += 1e-3 * np.abs(a[3]).max()
+    status = np.empty(4, dtype=np.int8)
+    assert np.isnan(many.inverse_dynamics(q, v, a, status=status)[1:]).all()
+    assert status.tolist() == [StateStatus.OK, *3 * [StateStatus.OUT_OF_BOUNDS]]
+    many.forward_dynamics(q, v, np.zeros(chain.nu), status=status)
+    assert status.tolist() == [StateStatus.OK, *2 * [StateStatus.OUT_OF_BOUNDS], StateStatus.OK]
+
+
+@pytest.mark.parametrize("kind", [mechanisms.JointKind.CYLINDRICAL, mechanisms.JointKind.FIXED])
+def test_loops_with_opposed_axes_have_a_code(kind, rng: np.random.Generator) -> None:
+    chain = mechanisms.two_bodies(kind, rng)
+    many = compile_kernels(chain, coordinates="tree")
+    q = random_configuration(chain, rng)
+    loop = chain.loops[0]
+    # Turn the free body by half a turn about a line across the loop's axis, through the origin of frame 2.
+    half = pin.SE3(pin.exp3(np.pi * orthonormal_triad(loop.axis)[1]), np.zeros(3))
+    joint = chain.model.joints[chain.model.getJointId("float")]
+    part = slice(joint.idx_q, joint.idx_q + 7)
+    flipped = q.copy()
+    turned = pin.XYZQUATToSE3(q[part]) * loop.placement2 * half * loop.placement2.inverse()
+    flipped[part] = pin.SE3ToXYZQUAT(turned)
+    assert np.abs(stp.loop_gap(chain, flipped)).max() < 1e-9
+    status = np.empty(2, dtype=np.int8)
+    many.inverse_dynamics(np.array([q, flipped]), np.zeros(chain.nv), np.zeros(chain.nv), status=status)
+    assert status.tolist() == [StateStatus.OK, StateStatus.OUT_OF_BOUNDS]
+
+
+@pytest.mark.parametrize("name", ["stewart", "four_bar"])
+def test_reactions_agree(name: str, rng: np.random.Generator) -> None:
+    many = kernels(name)
+    whole, (pose, twist, acceleration, _) = platform_states(many, rng, 3)
+    reactions = many.reactions(pose, twist, acceleration)
+    for k, s in enumerate(whole):
+        close(reactions[k], stp.inverse_dynamics(many.chain, s.q, s.v, s.a).lambda_c, AGREE)
+
+
+def displaced(pose: np.ndarray, step: np.ndarray) -> np.ndarray:
+    turned = pin.Quaternion(pin.exp3(step[3:]) @ pin.Quaternion(pose[3:]).matrix())
+    return np.concatenate([pose[:3] + step[:3], turned.coeffs()])
+
+
+FREEDOMS = {
+    "stewart": np.eye(6),
+    "delta": np.eye(6)[:, :3],
+    "rpr_planar": np.eye(6)[:, [0, 1, 5]],
+}
+
+
+# Differences of order 4 at h = 1e-3: 1e-12 times derivatives of up to a few hundred units.
+@pytest.mark.parametrize(
+    ("name", "verb"),
+    [
+        ("stewart", "inverse_dynamics"),
+        ("rpr_planar", "inverse_dynamics"),
+        ("rpr_planar", "forward_dynamics"),
+        pytest.param("stewart", "forward_dynamics", marks=pytest.mark.slow),
+        pytest.param("delta", "inverse_dynamics", marks=pytest.mark.slow),
+        pytest.param("delta", "forward_dynamics", marks=pytest.mark.slow),
+    ],
+)
+def test_derivatives_in_platform_coordinates(name: str, verb: str, rng: np.random.Generator) -> None:
+    many, along = kernels(name), FREEDOMS[name]
+    _, (pose, twist, third, _) = platform_states(many, rng, 2)
+    third_along = along
+    if verb == "forward_dynamics":
+        third, third_along = many.inverse_dynamics(pose, twist, third), np.eye(many.chain.nu)
+    answer = getattr(many, verb)
+    matrices = getattr(many, f"{verb}_derivatives")(pose, twist, third)
+    for k in range(2):
+        state = [pose[k], twist[k], third[k]]
+        for place, (matrix, steps) in enumerate(zip(matrices, (along, along, third_along), strict=True)):
+
+            def moved(t: float, place: int = place, steps: np.ndarray = steps, state=state) -> np.ndarray:
+                changed = [
+                    np.array([displaced(x, t * s) if place == 0 else x + t * s for s in steps.T])
+                    if at == place
+                    else x
+                    for at, x in enumerate(state)
+                ]
+                return answer(*changed)
+
+            close((matrix[k] @ steps).T, derivative(moved), 1e-8)
+
+
+@pytest.mark.parametrize("verb", ["inverse_dynamics", "forward_dynamics"])
+def test_derivatives_in_motor_coordinates(verb: str, rng: np.random.Generator) -> None:
+    many: Kernels = kernels("five_bar", "motor")
+    nu = many.chain.nu
+    home = stp.motor_positions(many.chain, many.chain.q_home)
+    state = [home + 0.1 * rng.normal(size=nu), rng.normal(size=nu), rng.normal(size=nu)]
+    answer = getattr(many, verb)
+    matrices = getattr(many, f"{verb}_derivatives")(*state)
+    for place, matrix in enumerate(matrices):
+
+        def moved(t: float, place: int = place) -> np.ndarray:
+            return answer(*[x + t * np.eye(nu) if at == place else x for at, x in enumerate(state)])
+
+        close(matrix.T, derivative(moved), 1e-8)
+
+
+def test_configuration_chart_follows_the_tangent(rng: np.random.Generator) -> None:
+    ca = pytest.importorskip("casadi")
+    chain = mechanisms.two_bodies(mechanisms.JointKind.SPHERICAL, rng)
+    q = random_configuration(chain, rng)
+    symbols = ca.SX.sym("q", chain.nq)
+    chart = ca.Function("chart", [symbols], [ca.densify(configuration_chart(tree_of(chain), symbols))])
+    v = rng.normal(size=chain.nv)
+    slope = derivative(lambda t: pin.integrate(chain.model, q, t * v))
+    close(np.array(chart(q)) @ v, slope, 1e-10)
