@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, islice
+from math import comb
 
 import numpy as np
 
@@ -26,7 +27,7 @@ _WORTH_IT = 0.1
 _MOST_SETS = 64
 """Most sets of spare motors that are listed."""
 _MOST_TRIALS = 2000
-"""Most combinations of motors that are tried for the list."""
+"""Most combinations of motors that are tried for the list; of more, one set is found from each motor on."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,8 @@ class MotorSets:
     surplus
         Number of motors beyond those that move independently of each other.
     spare
-        Sets of as many motors that could be left out together without losing a freedom, at most 64 of them.
+        Sets of as many motors that could be left out together without losing a freedom: all of them, but at most 64,
+        and from many motors a choice.
     free_joints
         Joints that take part in motions of the platform with all motors locked.
     suggestion
@@ -97,13 +99,25 @@ def _rank(share: FloatArray) -> int:
 
 
 def _spare(motors: Sequence[str], share: FloatArray, surplus: int) -> tuple[tuple[str, ...], ...]:
-    """List the sets of `surplus` motors without which the rank is the same."""
+    """List sets of `surplus` motors without which the rank is the same."""
     if not surplus:
         return ()
     rank = len(motors) - surplus
-    trials = islice(combinations(range(len(motors)), surplus), _MOST_TRIALS)
+    if comb(len(motors), surplus) <= _MOST_TRIALS:
+        trials: Iterable[tuple[int, ...]] = combinations(range(len(motors)), surplus)
+    else:
+        trials = dict.fromkeys(_left_out(share, first) for first in range(len(motors)))
     sets = (out for out in trials if _rank(np.delete(share, out, axis=0)) == rank)
     return tuple(tuple(motors[k] for k in out) for out in islice(sets, _MOST_SETS))
+
+
+def _left_out(share: FloatArray, first: int) -> tuple[int, ...]:
+    """Keep every motor that is independent of those before it, from the first on and around; return the others."""
+    kept: list[int] = []
+    for k in np.roll(np.arange(len(share)), -first):
+        if _rank(share[[*kept, k]]) > len(kept):
+            kept.append(int(k))
+    return tuple(k for k in range(len(share)) if k not in kept)
 
 
 def _alike(chain: ClosedChain, names: Iterable[str]) -> set[str]:

@@ -13,7 +13,7 @@ import scipy.sparse.linalg
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.closure import equations
-from stewart_pin.errors import SingularityError
+from stewart_pin.errors import ActuationError, SingularityError
 from stewart_pin.model.description import LOOP_KINDS, Joint, JointKind, Link, Mechanism
 from tests.closed_states import close, random_configuration, random_motion, robot
 from tests.mechanisms import (
@@ -373,3 +373,11 @@ def test_gravity_and_mass_enter_linearly(rng: np.random.Generator) -> None:
     for method in ("pinocchio", "constraint_matrix"):
         one = stp.inverse_dynamics(chain, q, v, a, method=method).tau_motor
         close(stp.inverse_dynamics(double, q, v, a, method=method).tau_motor, 2 * one, 1e-12)
+
+
+def test_missing_motors_leave_a_singular_value_of_zero() -> None:
+    chain = stp.with_motors(stp.load("stewart"), ["leg1"])
+    rest = np.zeros(chain.nv)
+    with pytest.raises(ActuationError, match=r"smallest singular value 0\)") as caught:
+        stp.inverse_dynamics(chain, chain.q_home, rest, rest, method="constraint_matrix")
+    assert caught.value.smallest_singular_value == 0.0

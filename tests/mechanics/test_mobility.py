@@ -180,6 +180,14 @@ def test_spare_motors_come_in_sets() -> None:
         "motor3",
         "rod3b_x",
     }
+    # 2.7 million combinations: not all are tried, but what is listed can be left out.
+    crowd = [joint.name for joint in robot("stewart_sps").mechanism.joints if joint.has_axis]
+    found = stp.mobility(with_motors("stewart_sps", *crowd))
+    assert (len(crowd), found.surplus_motors) == (24, 12) and len(found.spare_motors) > 1
+    for out in found.spare_motors[:3]:
+        assert len(out) == 12
+        rest = stp.mobility(with_motors("stewart_sps", *(name for name in crowd if name not in out)))
+        assert (rest.surplus_motors, rest.lost, rest.idle) == (0, 0, ())
     many = stp.mobility(with_motors("arm_7r", *[f"joint{k}" for k in range(1, 8)]))
     assert (many.surplus_motors, many.spare_motors) == (0, ())
 

@@ -227,6 +227,7 @@ def _require_held(
     columns = _column_scale(system, motion)
     _, s, vt = np.linalg.svd((system.C * motion[:, None] * columns).T.toarray())
     rank = int(np.count_nonzero(s > _RANK * s[0]))
+    smallest = float(s[-1]) if len(s) == len(vt) else 0.0
     free = vt[rank:, rows]
     if follows and (not free.size or np.linalg.norm(free, 2) < _TAKES_PART):
         return
@@ -235,9 +236,9 @@ def _require_held(
     shown = ", ".join(f"{x:+.3g}" for x in direction)
     raise ActuationError(
         f"the motors cannot hold the robot here: the platform keeps a freedom with all motors locked (smallest "
-        f"singular value {s[-1]:.3g}), spatial velocity at the world origin ({shown}); move away from this "
+        f"singular value {smallest:.3g}), spatial velocity at the world origin ({shown}); move away from this "
         "configuration, add a motor, or pass throw=False for least squares",
-        smallest_singular_value=float(s[-1]),
+        smallest_singular_value=smallest,
         direction=direction,
         names=tuple(f"{carrier} {axis}" for axis in ("vx", "vy", "vz", "wx", "wy", "wz")),
     )
