@@ -104,6 +104,14 @@ def test_the_ball_about_a_shifted_point_reaches_back_to_the_solution(rng: np.ran
     assert np.isinf(radius).all()
 
 
+def test_no_certificate_where_the_gradients_are_dependent(rng: np.random.Generator) -> None:
+    # All legs meet in one platform joint: six equations for three coordinates. Then Z₀ > 1 and the radius from
+    # η and Z₀ is negative, which no other inequality would refuse.
+    base, platform = rng.normal(size=(5, 3)), np.zeros((5, 3))
+    radius = proven_radius(base, platform, rng.uniform(1.0, 2.0, 6), rng.normal(size=(50, 8)))
+    assert np.isinf(radius).all()
+
+
 def test_no_certificate_at_a_double_solution() -> None:
     # The singular yaw of a regular robot: two solutions meet, and none of them is the only one nearby.
     angle = np.pi / 3 * np.arange(6) + 0.2 * np.array([1, -1] * 3)

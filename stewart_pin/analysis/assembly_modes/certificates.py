@@ -133,9 +133,9 @@ def proven_radius(
         curvature = 2.0 * _half_gradient_size(*sizes, np.ones((1, 8))).sum(axis=2)
         z2 = (y @ curvature[0]).max(axis=1, initial=0.0) * _UP
         radius = 2.0 * eta / (1.0 - z0)
-        # Not-a-number fails every comparison, so it proves nothing.
-        holds = (z0 < 1.0) & ((eta + z0 * radius + 0.5 * z2 * radius**2) * _UP <= radius)
-        holds &= (z0 + z2 * radius) * _UP < 1.0
+        # With this radius η = (1 - Z₀) r / 2, so the second inequality holds the first: its left-hand side is
+        # r/2 (1 + Z₀ + Z₂ r) < r. `_UP` covers the roundings of both. Not-a-number fails every comparison.
+        holds = (z0 < 1.0) & ((z0 + z2 * radius) * _UP < 1.0)
     return np.where(holds, radius, np.inf)
 
 
