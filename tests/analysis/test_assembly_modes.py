@@ -120,7 +120,9 @@ def test_a_lost_path_is_reported(rng: np.random.Generator) -> None:
     def forgetful(start, target, points, settings):
         ends = tracker_for(None)(start, target, points, settings)
         overlap = np.abs(ends.points.conj() @ gone.T).max(axis=1)
-        return homotopy.Tracked(ends.points, np.where(overlap > 1 - 1e-9, 0.5, ends.tau), ends.steps)
+        return homotopy.Tracked(
+            ends.points, np.where(overlap > 1 - 1e-9, 0.5, ends.tau), ends.steps, ends.infinite
+        )
 
     found = search(platform, start_systems(), forgetful, real=True)
     assert full.complete and full.searches == 1
@@ -138,7 +140,8 @@ def test_a_lost_path_is_reported(rng: np.random.Generator) -> None:
 
 def test_start_systems_are_reproducible() -> None:
     made, kept = build_start_system(np.random.default_rng(1)), start_systems()[0]
-    np.testing.assert_array_equal(made.platform.squares, kept.platform.squares)
+    # The lengths are computed from the pose drawn: processors and libraries differ in the last digits.
+    np.testing.assert_allclose(made.platform.squares, kept.platform.squares, rtol=1e-13)
     overlap = np.abs(made.points.conj() @ kept.points.T)
     np.testing.assert_allclose(overlap.max(axis=1), 1.0, atol=1e-12)
     assert sorted(overlap.argmax(axis=1)) == list(range(40))

@@ -11,7 +11,16 @@ from __future__ import annotations
 import numpy as np
 from numba import njit  # pyright: ignore[reportMissingModuleSource]
 
-from stewart_pin.analysis.assembly_modes.homotopy import MAX_REFUSALS, ROUND_OFF, Tracked, TrackerSettings
+from stewart_pin.analysis.assembly_modes.homotopy import LOST, MAX_REFUSALS, SHARE, Tracked, TrackerSettings
+from stewart_pin.analysis.assembly_modes.infinity import (
+    BEYOND_DOUBLES,
+    CLOSE,
+    CONVERGED,
+    NEAR,
+    NO_NORM,
+    NO_ROTATION_PART,
+    ROUND_OFF,
+)
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform
 
 # Fused multiply-add, no signed zeros; NaN and infinity keep their meaning: the refusal of a step needs them.
@@ -45,8 +54,8 @@ def track(
     moving = not (np.array_equal(ends[0], ends[3]) and np.array_equal(ends[1], ends[4]))
     numbers = (settings.contraction, settings.largest_error, settings.reach, settings.least_tau)
     x = np.array(points, dtype=complex, order="C")
-    tau, steps = _track_all(*ends, moving, x, settings.order, numbers, settings.max_steps)
-    return Tracked(x, tau, steps)
+    tau, steps, infinite = _track_all(*ends, moving, x, settings.order, numbers, settings.max_steps)
+    return Tracked(x, tau, steps, infinite)
 
 
 @_jit
@@ -245,6 +254,36 @@ def _predict(x, order, ratio, length, y):
 
 
 @_jit
+def _relative_norm(x):
+    """Compute |⟨e, e⟩| over the squared norm of the point."""
+    e, h = _parts(x)
+    return abs(x[0] * x[0] + x[1] * x[1] + x[2] * x[2] + x[3] * x[3]) / (e + h)
+
+
+@_jit
+def _round_off(x):
+    norm = _relative_norm(x)
+    if norm < CLOSE[1]:
+        return ROUND_OFF[2]
+    return ROUND_OFF[1] if norm < CLOSE[0] else ROUND_OFF[0]
+
+
+@_jit
+def _foresees_infinity(x, y):
+    """Tell whether a path through `x` whose series ends at `y` goes to infinity."""
+    e, h = _parts(x)
+    e0, h0 = _parts(y)
+    if not 0.25 * h < h0 < 4.0 * h:
+        return False
+    shrinks, norm, norm0 = e0 * h / (e * h0), _relative_norm(x), _relative_norm(y)
+    return (
+        (e0 < NO_ROTATION_PART[0] * h0 and shrinks < NO_ROTATION_PART[1])
+        or (norm0 < NO_NORM[0] and norm0 < NO_NORM[1] * shrinks**2 * norm)
+        or (norm0 < BEYOND_DOUBLES[0] and norm0 < BEYOND_DOUBLES[1] * norm)
+    )
+
+
+@_jit
 def _place(mt, st, qt, m1, s1, q1, moving, tau, m, s, q):
     """Set the parameters at `tau`."""
     if moving:
@@ -261,7 +300,7 @@ def _track_all(ms, ss, qs, mt, st, qt, moving, points, order, numbers, max_steps
     """Follow every path; overwrite `points` by where they ended."""
     contraction, largest_error, reach, least_tau = numbers
     n = points.shape[0]
-    taus, counts = np.ones(n), np.zeros(n, np.int64)
+    taus, counts, infinite = np.ones(n), np.zeros(n, np.int64), np.zeros(n, np.bool_)
     m1, s1, q1 = mt - ms, st - ss, qt - qs
     m, s, q = ms.copy(), ss.copy(), qs.copy()
     g, lu = np.empty((7, 8), np.complex128), np.empty((7, 7), np.complex128)
@@ -272,20 +311,29 @@ def _track_all(ms, ss, qs, mt, st, qt, moving, points, order, numbers, max_steps
         x[0] = points[path]
         k = _to_chart(x[0])
         tau, curvature, scale, cap, steps, refusals = 1.0, 2.0, 1.0, 1.0, 0, 0
+        wait, backoff = 0, 1
         last, growth, ratio, factored = 0.0, 0.0, 0j, False
         while tau >= least_tau and refusals < MAX_REFUSALS and steps <= max_steps:
             if refusals == 0:
                 _place(mt, st, qt, m1, s1, q1, moving, tau, m, s, q)
                 _half_gradient(m, s, q, x[0], g, r[0])
-                # The factors of the last correction belong to a point next to this one: good to predict.
-                if not (factored or _factor(g, k, lu, pivots)):
+                near = _relative_norm(x[0]) < NEAR
+                # The factors of the last correction belong to a point next to this one: good to predict a step.
+                if (near or not factored) and not _factor(g, k, lu, pivots):
                     break
                 _expand(m, s, q, m1, s1, q1, moving, k, order, x, r, lu, pivots, b)
                 last, before, ratio = _tail(x, order)
                 growth = last / before
+                if near and last * tau**order < CONVERGED:
+                    _predict(x, order, ratio, tau, y)
+                    if _foresees_infinity(x[0], y):
+                        infinite[path] = True
+                        break
             aim = min(largest_error, contraction / curvature)
             length = (aim / (scale * last * growth)) ** (1.0 / (order + 1))
             length = min(length, reach / growth, cap)
+            if wait > 0:
+                length = min(length, SHARE * tau)
             arrives = not length < tau
             length, tau_new = (tau, 0.0) if arrives else (length, tau - length)
             _predict(x, order, ratio, length, y)
@@ -293,22 +341,29 @@ def _track_all(ms, ss, qs, mt, st, qt, moving, points, order, numbers, max_steps
             first = _newton(m, s, q, y, k, g, r[0], lu, pivots, b)
             second = _newton(m, s, q, y, k, g, r[0], lu, pivots, b) if first < np.inf else np.inf
             steps += 1
+            floor = _round_off(y)
             predicted = max(scale * last * growth * length ** (order + 1), 1e-300)
             observed = second / max(first, 1e-300) ** 2
-            if first > 1e-7 and second < np.inf:
-                curvature = min(max(observed, 0.5 * curvature, 0.5), 1e6)
-            else:
+            if not (first > 1e-7 and second < np.inf):
                 observed = curvature
+            good = first < 5.0 * largest_error and second <= max(2.0 * contraction * first, floor)
+            good = good and observed * second * second < floor
+            if arrives and not good:
+                # The end may be singular, which tells nothing about the way there.
+                wait, backoff, cap, refusals = backoff, 2 * backoff, SHARE * tau, refusals + 1
+                continue
+            curvature = min(max(observed, 0.5 * curvature, 0.5), 1e6)
             growth_of_error = min(max(first / predicted, 0.2), 5.0) if first < np.inf else 5.0
             scale = min(max(scale * growth_of_error, 1e-3), 1e3)
-            good = first < 5.0 * largest_error and second <= max(2.0 * contraction * first, ROUND_OFF)
-            if good and observed * second * second < ROUND_OFF:
-                x[0], tau, cap, refusals = y, tau_new, 1.0, 0
+            if good:
+                x[0], tau, cap, refusals, wait = y, tau_new, 1.0, 0, wait - 1
                 factored = _fits_chart(x[0])
                 if not factored:
                     k = _to_chart(x[0])
             else:
                 cap, refusals = 0.4 * length, refusals + 1
+                if tau < LOST[0] and length < LOST[1] * tau and _relative_norm(x[0]) < CLOSE[0]:
+                    break
         if tau == 0.0:
             _place(mt, st, qt, m1, s1, q1, moving, 0.0, m, s, q)
             for _ in range(2):
@@ -316,4 +371,4 @@ def _track_all(ms, ss, qs, mt, st, qt, moving, points, order, numbers, max_steps
         e, h = _parts(x[0])
         points[path] = x[0] / np.sqrt(e + h)
         taus[path], counts[path] = tau, steps
-    return taus, counts
+    return taus, counts, infinite

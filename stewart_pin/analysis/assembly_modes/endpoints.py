@@ -1,10 +1,9 @@
 """Decide what the end of a path is: a solution, a point at infinity, a singular solution, or a failure.
 
-A solution is at infinity when ⟨e, e⟩ = 0; a solution whose matrix has entries above 1e9 cannot be told from
-one. No real pose is ever that near to infinity: there ⟨e, e⟩ is the square of the norm of e. A small |⟨e,
-e⟩| alone proves nothing: planar platforms have true complex solutions with a small one. A path that arrived
-is judged by whether Newton's method still changes ⟨e, e⟩, a path that got stuck by the power of τ with
-which ⟨e, e⟩ vanishes.
+A solution is at infinity when ⟨e, e⟩ = 0. No real pose is near infinity: there ⟨e, e⟩ is the square of the
+norm of e. A small |⟨e, e⟩| alone proves nothing: planar platforms have true complex solutions with a small
+one. A path left on its way was judged by its series, one that arrived is judged by whether Newton's method
+still changes ⟨e, e⟩.
 """
 
 from __future__ import annotations
@@ -15,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stewart_pin.analysis.assembly_modes.homotopy import Tracked, tangent
+from stewart_pin.analysis.assembly_modes.homotopy import Tracked, norm_change
+from stewart_pin.analysis.assembly_modes.infinity import SMALL_ROTATION_PART, relative_norm
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform, half_gradient, operators
-from stewart_pin.typing import FloatArray
 
 _SAME = 1e-13
 """Squared sine of the angle between two points of P⁷ that are one solution, found twice."""
@@ -25,14 +24,14 @@ _BESIDE = 1e-4
 """Squared sine of the angle within which a regular solution rules out a singular one."""
 _SMALL_NORM = 1e-6
 """Relative |⟨e, e⟩| below which a point may lie at infinity."""
-_RANK_LOSS = 1e-12
-"""Smallest singular value, over the largest, that is zero to double precision."""
+_RANK_LOSS = 1e-14
+"""Singular value of gradients of order one that is zero to double precision."""
 _SINGULAR = 1e-7
 """Smallest singular value, over the largest, at a singular solution known to half the digits."""
 _NEAR = 1e-2
 """A stuck path must have come this near in τ to say where it was going."""
-_VANISHES = 0.5, 6.0
-"""Powers of τ with which ⟨e, e⟩ may vanish towards infinity; 1, 2, 4 occur. A finite end shows zero."""
+_SETTLED, _UNSETTLED = 1e-2, 0.05
+"""Relative change of ⟨e, e⟩ by a Newton step at a finite end (round-off) and at infinity (a half at least)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,13 +56,13 @@ class Endpoints:
     failed: int
 
 
-def classify(start: StudyPlatform, target: StudyPlatform, tracked: Tracked) -> Endpoints:
+def classify(target: StudyPlatform, tracked: Tracked) -> Endpoints:
     """Sort the ends of paths.
 
     Parameters
     ----------
-    start, target
-        The ends of the homotopy.
+    target
+        The platform at the end of the homotopy.
     tracked
         Where its paths ended.
 
@@ -74,38 +73,21 @@ def classify(start: StudyPlatform, target: StudyPlatform, tracked: Tracked) -> E
     """
     x, arrived = tracked.points, tracked.tau == 0.0
     norm = relative_norm(x)
-    regular, infinite = arrived & (norm > _SMALL_NORM), np.zeros(len(x), dtype=bool)
-    singular = infinite.copy()
-    ends, stuck = x.copy(), (tracked.tau > 0.0) & (tracked.tau < _NEAR)
-    infinite[stuck] = _norm_vanishes(start, target, x[stuck], tracked.tau[stuck])
-    for i in np.flatnonzero(~regular):
-        if arrived[i]:
-            regular[i] = _norm_is_settled(target, x[i])
-            infinite[i] = not regular[i]
-        elif stuck[i] and not infinite[i] and norm[i] > _SMALL_NORM:
-            ends[i], singular[i] = _settle(target, x[i])
+    regular, infinite = arrived & (norm > _SMALL_NORM), tracked.infinite.copy()
+    small = np.flatnonzero(arrived & ~regular)
+    change = norm_change(target, x[small])
+    change[_ranks(target, x[small]) < 7] = np.inf
+    regular[small], infinite[small] = change < _SETTLED, change > _UNSETTLED
+    singular, ends = np.zeros(len(x), dtype=bool), x.copy()
+    for i in np.flatnonzero(~arrived & ~infinite & (tracked.tau < _NEAR) & (norm > _SMALL_NORM)):
+        ends[i], singular[i] = _settle(target, x[i].astype(complex))
     # Next to a regular solution there is no singular one: that path is lost in round-off.
     singular &= ~beside(ends, x[regular])
     once = distinct(x[regular])
     failed = int((~(regular | infinite | singular)).sum() + regular.sum() - len(once))
-    return Endpoints(x[regular][once], ends[singular], int(infinite.sum()), failed)
-
-
-def relative_norm(points: ComplexArray) -> FloatArray:
-    """Compute |⟨e, e⟩| over the squared Hermitian norm of the point.
-
-    Parameters
-    ----------
-    points
-        (n, 8) Study coordinates, dimensionless.
-
-    Returns
-    -------
-    numpy.ndarray
-        (n,) zero at infinity, dimensionless.
-    """
-    e = points[:, :4]
-    return np.abs((e * e).sum(axis=1)) / (np.abs(points) ** 2).sum(axis=1)
+    return Endpoints(
+        x[regular][once].astype(complex), ends[singular].astype(complex), int(infinite.sum()), failed
+    )
 
 
 def distinct(points: NDArray[Any]) -> NDArray[np.intp]:
@@ -147,25 +129,16 @@ def beside(points: ComplexArray, solutions: ComplexArray) -> NDArray[np.bool_]:
     return (1.0 - np.abs(unit.conj() @ others.T) ** 2 < _BESIDE).any(axis=1)
 
 
-def _norm_is_settled(target: StudyPlatform, x: ComplexArray) -> bool:
-    # At infinity the gradients are singular: Newton is slow there, and every step shrinks ⟨e, e⟩ again.
-    gradient = half_gradient(operators(target.difference, target.total), target.squares, x[None])[0]
-    step, _, _, values = np.linalg.lstsq(gradient, -0.5 * (gradient @ x), rcond=None)
-    if values[-1] < _RANK_LOSS * values[0]:
-        return False
-    e, moved = x[:4], x[:4] + step[:4]
-    return bool(abs(moved @ moved - e @ e) < 1e-3 * abs(e @ e))
-
-
-def _norm_vanishes(
-    start: StudyPlatform, target: StudyPlatform, x: ComplexArray, tau: FloatArray
-) -> NDArray[np.bool_]:
-    # d log⟨e, e⟩ / d log τ; the tangent is orthogonal to x, so the Hermitian norm does not change.
-    if len(x) == 0:
-        return np.empty(0, dtype=bool)
-    e, de = x[:, :4], tangent(start, target, x, tau)[:, :4]
-    power = tau * np.real(2.0 * (e * de).sum(axis=1) / (e * e).sum(axis=1))
-    return (_VANISHES[0] < power) & (power < _VANISHES[1])
+def _ranks(target: StudyPlatform, x: ComplexArray) -> NDArray[np.intp]:
+    """Count the independent gradients at ends that have a rotation part; at the others doubles cannot tell."""
+    gradient = half_gradient(operators(target.difference, target.total), target.squares, x)
+    e, h = (np.linalg.norm(part, axis=1)[:, None] for part in (x[:, :4], x[:, 4:]))
+    # In these units all entries but singularity are of order one, however small e is.
+    columns = np.repeat(np.hstack([e, h]), 4, axis=1)
+    rows = np.hstack([h * h, np.repeat(e * h, 6, axis=1)])
+    scaled = (gradient * columns[:, None, :] / rows[:, :, None]).astype(complex)
+    ranks = np.linalg.matrix_rank(scaled, tol=_RANK_LOSS)
+    return np.where(np.abs(e[:, 0]) ** 2 < SMALL_ROTATION_PART, 7, ranks)
 
 
 def _settle(target: StudyPlatform, x: ComplexArray) -> tuple[ComplexArray, bool]:

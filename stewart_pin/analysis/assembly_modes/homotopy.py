@@ -4,7 +4,7 @@ The homotopy parameter τ runs from 1 (start) to 0 (target). Each step expands e
 sums the tail of the series as a geometric one, and corrects with two Newton steps. The step length comes
 from the radius of convergence that the series shows, so it shrinks before a singular point and not after
 it; a step whose first correction is large, or whose second does not shrink quadratically, is refused: that
-is what keeps two paths apart.
+is what keeps two paths apart. A path whose series foresees infinity is left there.
 
 References
 ----------
@@ -17,10 +17,20 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stewart_pin.analysis.assembly_modes.infinity import (
+    CLOSE,
+    CONVERGED,
+    NEAR,
+    foresees_infinity,
+    relative_norm,
+    round_off,
+)
+from stewart_pin.analysis.assembly_modes.linear_systems import solve
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform, operators
 from stewart_pin.typing import FloatArray
 
@@ -54,10 +64,12 @@ class TrackerSettings:
 
 
 DEFAULT = TrackerSettings()
-ROUND_OFF = 1e-9
-"""A relative Newton correction below this is round-off of an ill-conditioned point, not divergence."""
 MAX_REFUSALS = 8
 """A path whose step was refused this often in a row is stuck at a singular point."""
+SHARE = 0.75
+"""Part of the way left that a path goes at once after its arrival was refused: its end may be singular."""
+LOST = 1e-2, 0.05
+"""Below this τ, a path near infinity is lost in round-off when a step of this part of τ is refused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,11 +84,14 @@ class Tracked:
         (n,) homotopy parameter reached, dimensionless; 0 means that the path arrived.
     steps
         (n,) steps taken, refused ones included, dimensionless.
+    infinite
+        (n,) mask: the path was left because it goes to infinity.
     """
 
     points: ComplexArray
     tau: FloatArray
     steps: FloatArray
+    infinite: NDArray[np.bool_]
 
 
 def track(
@@ -102,55 +117,58 @@ def track(
     n = len(points)
     x, tau = _normalised(points), np.ones(n)
     state = {"curvature": np.full(n, 2.0), "scale": np.ones(n), "cap": np.ones(n)}
-    steps, refusals = np.zeros(n, dtype=int), np.zeros(n, dtype=int)
+    state |= {"wait": np.zeros(n), "backoff": np.ones(n)}
+    steps, refusals, infinite = np.zeros(n, dtype=int), np.zeros(n, dtype=int), np.zeros(n, dtype=bool)
     active = np.arange(n)
     with np.errstate(all="ignore"):  # a refused step may overflow
         while active.size:
             local = {name: values[active] for name, values in state.items()}
-            trial, trial_tau, good = _step(quadrics, x[active], tau[active], local, settings)
+            trial, trial_tau, good, lost = _step(quadrics, x[active], tau[active], local, settings)
+            infinite[active] = local.pop("infinite")
             for name, values in local.items():
                 state[name][active] = values
+            good &= ~infinite[active]
             steps[active] += 1
             x[active[good]], tau[active[good]] = trial[good], trial_tau[good]
-            refusals[active] = np.where(good, 0, refusals[active] + 1)
+            refusals[active] = np.where(good, 0, np.where(lost, MAX_REFUSALS, refusals[active] + 1))
             left = (tau < settings.least_tau) | (refusals >= MAX_REFUSALS) | (steps > settings.max_steps)
-            active = active[~left[active]]
+            active = active[~(left | infinite)[active]]
         arrived = np.flatnonzero(tau == 0.0)
         for _ in range(2):
             x[arrived] = _normalised(
                 x[arrived] + _correction(quadrics, np.zeros(arrived.size), x[arrived])[0]
             )
-    return Tracked(x, tau, steps)
+    return Tracked(x, tau, steps, infinite)
 
 
-def tangent(
-    start: StudyPlatform, target: StudyPlatform, points: ComplexArray, tau: FloatArray
-) -> ComplexArray:
-    """Compute the derivative of the paths with respect to τ.
+def norm_change(target: StudyPlatform, points: ComplexArray) -> FloatArray:
+    """Compute how much one Newton step changes ⟨e, e⟩, in the precision of the points.
 
     Parameters
     ----------
-    start, target
-        The two ends.
+    target
+        The platform.
     points
-        (n, 8) points of the paths.
-    tau
-        (n,) where they are, dimensionless.
+        (n, 8) solutions, Study coordinates.
 
     Returns
     -------
     numpy.ndarray
-        (n, 8) derivative, orthogonal to the point.
+        (n,) relative to its value; infinite where the gradients are singular, dimensionless.
     """
     with np.errstate(all="ignore"):
-        return -_series(_quadrics(start, target), tau, _normalised(points), 1)[1]
+        quadrics, x = _quadrics(target, target), _normalised(points)
+        e, moved = x[:, :4], (x + _correction(quadrics, np.zeros(len(x)), x)[0])[:, :4]
+        now = (e * e).sum(axis=1)
+        return np.nan_to_num(np.abs((moved * moved).sum(axis=1) - now) / np.abs(now), nan=np.inf)
 
 
 def _quadrics(start: StudyPlatform, target: StudyPlatform) -> list[ComplexArray]:
     """Expand the symmetric matrices of the quadrics in powers of τ; each (8, 56) for points @ matrix."""
-    m0 = operators(target.difference, target.total).astype(complex)
+    m0 = operators(target.difference, target.total)
     m1 = operators(start.difference, start.total) - m0
-    powers = [np.zeros((7, 8, 8), dtype=complex) for _ in range(3 if m1.any() else 2)]
+    kind = np.result_type(m1, start.squares, target.squares, 1j)
+    powers = [np.zeros((7, 8, 8), dtype=kind) for _ in range(3 if m1.any() else 2)]
     # The transpose of the antisymmetric M_i is -M_i.
     powers[0][1:6] = np.block([[-m0 @ m0, -m0], [m0, np.zeros_like(m0)]])
     powers[0][0, 4:, 4:] = np.eye(4)
@@ -182,7 +200,7 @@ def _ratio(last: ComplexArray, before: ComplexArray, x: ComplexArray, size: Floa
 
 def _bordered(gradient: ComplexArray, x: ComplexArray) -> ComplexArray:
     """Add the moving patch: a correction is orthogonal to the point."""
-    matrix = np.empty((len(x), 8, 8), dtype=complex)
+    matrix = np.empty((len(x), 8, 8), dtype=x.dtype)
     matrix[:, :7] = gradient.reshape(-1, 7, 8)
     matrix[:, 7] = x.conj()
     return matrix
@@ -202,10 +220,7 @@ def _correction(
     matrix = _bordered(_at(quadrics, tau, x), x)
     residual = matrix @ x[:, :, None]
     residual[:, 7] = 0.0
-    try:
-        step = -0.5 * np.linalg.solve(matrix, residual)[:, :, 0]
-    except np.linalg.LinAlgError:
-        step = -0.5 * (np.linalg.pinv(matrix) @ residual)[:, :, 0]
+    step: ComplexArray = solve(matrix, -0.5 * residual)[:, :, 0]
     return step, _size(step, x)
 
 
@@ -215,11 +230,11 @@ def _series(quadrics: list[ComplexArray], tau: FloatArray, x: ComplexArray, orde
     stacked = np.hstack(quadrics)
     terms = [_shifted(x, t, stacked)]
     matrix = _bordered(terms[0][0], x)
-    inverse = _inverse(matrix)[:, :, :7]
+    inverse = solve(matrix, np.eye(8, 7, dtype=x.dtype))
     # Cauchy products as one product of long rows: block j of `rows` is the gradient at x_j, and the
     # columns hold the series backwards, so that row blocks 1..j meet x_(j-1)..x_0.
-    rows = np.zeros((n, 7, 8 * (order + 1)), dtype=complex)
-    columns = np.zeros((n, 8 * (order + 1), 1), dtype=complex)
+    rows = np.zeros((n, 7, 8 * (order + 1)), dtype=x.dtype)
+    columns = np.zeros((n, 8 * (order + 1), 1), dtype=x.dtype)
     columns[:, -8:, 0] = x
     series = [x]
     for j in range(1, order + 1):
@@ -249,50 +264,57 @@ def _shifted(v: ComplexArray, t: FloatArray, stacked: ComplexArray) -> list[Comp
     return [a + t * (b + tc), -(b + 2.0 * tc), c]
 
 
-def _inverse(matrix: ComplexArray) -> ComplexArray:
-    try:
-        return np.linalg.inv(matrix)
-    except np.linalg.LinAlgError:
-        return np.linalg.pinv(matrix)
-
-
 def _step(
     quadrics: list[ComplexArray],
     x: ComplexArray,
     tau: FloatArray,
-    state: dict[str, FloatArray],
+    state: dict[str, Any],
     settings: TrackerSettings,
-) -> tuple[ComplexArray, FloatArray, NDArray[np.bool_]]:
-    """Try one step of every path; `state` learns from it."""
+) -> tuple[ComplexArray, FloatArray, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Try one step of every path; tell which succeeded and which are lost; `state` learns from it."""
     order, tiny = settings.order, 1e-300
     series = _series(quadrics, tau, x, order)
     last, before = (_size(series[j], x) + tiny for j in (order, order - 1))
     growth = last / before
     ratio = _ratio(series[order], series[order - 1], x, before)
+    near, converged = relative_norm(x) < NEAR, last * tau**order < CONVERGED
+    state["infinite"] = near & converged & foresees_infinity(x, _summed(series, ratio, tau))
     aim = np.minimum(settings.largest_error, settings.contraction / state["curvature"])
     length = (aim / (state["scale"] * last * growth)) ** (1.0 / (order + 1))
     length = np.minimum(np.minimum(length, settings.reach / growth), state["cap"])
+    length = np.where(state["wait"] > 0, np.minimum(length, SHARE * tau), length)
     arrives = length >= tau
     length = np.where(arrives, tau, length)
     tau_new = np.where(arrives, 0.0, tau - length)
-    s = length[:, None]
-    y = series[order] / (1.0 - ratio[:, None] * s)
-    for j in range(order - 1, -1, -1):
-        y = y * s + series[j]
-    y = _normalised(y)
+    y = _normalised(_summed(series, ratio, length))
     step, first = _correction(quadrics, tau_new, y)
     y = y + step
     step, second = _correction(quadrics, tau_new, y)
     y = _normalised(y + step)
+    floor = round_off(y)
     curvature = second / np.maximum(first, tiny) ** 2
-    tells = (first > 1e-7) & np.isfinite(second)
+    curvature = np.where((first > 1e-7) & np.isfinite(second), curvature, state["curvature"])
     good = first < 5.0 * settings.largest_error
-    good &= second <= np.maximum(2.0 * settings.contraction * first, ROUND_OFF)
-    good &= np.where(tells, curvature, state["curvature"]) * second**2 < ROUND_OFF
+    good &= second <= np.maximum(2.0 * settings.contraction * first, floor)
+    good &= curvature * second**2 < floor
+    # A refused arrival may be due to a singular end, which tells nothing about the way there.
+    learns, predicted = good | ~arrives, state["scale"] * last * growth * length ** (order + 1)
     learnt = np.clip(np.maximum(curvature, 0.5 * state["curvature"]), 0.5, 1e6)
-    state["curvature"] = np.where(tells, learnt, state["curvature"])
-    predicted = np.maximum(state["scale"] * last * growth * length ** (order + 1), tiny)
-    learnt = state["scale"] * np.clip(np.nan_to_num(first, nan=np.inf) / predicted, 0.2, 5.0)
-    state["scale"] = np.clip(learnt, 1e-3, 1e3)
-    state["cap"] = np.where(good, 1.0, 0.4 * length)
-    return y, tau_new, good
+    state["curvature"] = np.where(learns, learnt, state["curvature"])
+    learnt = np.clip(np.nan_to_num(first, nan=np.inf) / np.maximum(predicted, tiny), 0.2, 5.0)
+    learnt = np.clip(state["scale"] * learnt, 1e-3, 1e3)
+    state["scale"] = np.where(learns, learnt, state["scale"])
+    state["cap"] = np.where(good, 1.0, np.where(learns, 0.4 * length, SHARE * tau))
+    state["wait"] = np.where(learns, state["wait"] - good, state["backoff"])
+    state["backoff"] = np.where(learns, state["backoff"], 2.0 * state["backoff"])
+    lost = learns & ~good & (tau < LOST[0]) & (length < LOST[1] * tau) & (relative_norm(x) < CLOSE[0])
+    return y, tau_new, good, lost
+
+
+def _summed(series: list[ComplexArray], ratio: ComplexArray, length: FloatArray) -> ComplexArray:
+    """Sum series in the step length, their tails as geometric ones."""
+    s = length[:, None]
+    y = series[-1] / (1.0 - ratio[:, None] * s)
+    for x_j in series[-2::-1]:
+        y = y * s + x_j
+    return y

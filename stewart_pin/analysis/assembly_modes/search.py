@@ -10,6 +10,7 @@ import numpy as np
 
 from stewart_pin.analysis.assembly_modes import homotopy
 from stewart_pin.analysis.assembly_modes.endpoints import beside, classify, distinct
+from stewart_pin.analysis.assembly_modes.extended import with_more_digits
 from stewart_pin.analysis.assembly_modes.homotopy import Tracked, TrackerSettings
 from stewart_pin.analysis.assembly_modes.start_systems import StartSystem
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform
@@ -109,7 +110,7 @@ def search(
     for start in starts:
         known = len(regular)
         tracked = tracker(start.platform, target, start.points, homotopy.DEFAULT)
-        ends = classify(start.platform, target, tracked)
+        ends = classify(target, with_more_digits(start.platform, target, tracked))
         regular = ends.regular if searches == 0 else np.vstack([regular, ends.regular])
         regular = regular[distinct(regular)] if searches else regular
         if real and len(regular) < len(start.points):
