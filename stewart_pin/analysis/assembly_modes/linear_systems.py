@@ -17,14 +17,14 @@ def solve(matrices: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
     Parameters
     ----------
     matrices
-        (n, k, k) coefficients.
+        (n, k, k) coefficients, dimensionless.
     right
-        (n, k, m) or (k, m) right-hand sides.
+        (n, k, m) or (k, m) right-hand sides, dimensionless.
 
     Returns
     -------
     numpy.ndarray
-        (n, k, m) solutions.
+        (n, k, m) solutions, dimensionless.
     """
     if matrices.dtype == EXTENDED:
         return _eliminate(matrices, right)
