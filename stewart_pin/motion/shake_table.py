@@ -6,15 +6,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from stewart_pin.building.hexapod_bodies import hexapod_bodies
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
 from stewart_pin.geometry.leg_motion import leg_rates
+from stewart_pin.kernels.choosing import kernels_for
+from stewart_pin.kernels.compile import Kernels
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion, platform_pose
 from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.description import JointKind
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.typing import FloatArray
 
@@ -100,7 +104,7 @@ class FitReport:
     margin: float
 
 
-def motor_demand(chain: ClosedChain, samples: PlatformSamples) -> MotorDemand:
+def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool | None = None) -> MotorDemand:
     """Compute what a platform motion asks of the motors, position limits ignored.
 
     Parameters
@@ -109,11 +113,14 @@ def motor_demand(chain: ClosedChain, samples: PlatformSamples) -> MotorDemand:
         Closed chain.
     samples
         Motion of the platform.
+    kernels
+        Whether to use compiled kernels where there is no closed form; None: for more than a handful of states.
 
     Returns
     -------
     MotorDemand
-        Positions, rates and efforts; in closed form for six-legged platforms, state by state for other chains.
+        Positions, rates and efforts; in closed form for six-legged platforms. For other chains by kernels, or state by
+        state where a state has no answer, so that the error names it.
 
     Raises
     ------
@@ -125,7 +132,9 @@ def motor_demand(chain: ClosedChain, samples: PlatformSamples) -> MotorDemand:
     try:
         hexapod, bodies = Hexapod.from_chain(chain), hexapod_bodies(chain)
     except UnsupportedError:
-        return _state_by_state(chain, samples)
+        compiled = kernels_for(chain, len(samples), kernels)
+        found = None if compiled is None else _by_kernels(compiled, samples)
+        return _state_by_state(chain, samples) if found is None else found
     home = platform_pose(chain, chain.q_home)
     # A file may count its strokes from another length than zero.
     offset = chain.q_home[chain.motor_q_index] - leg_lengths(hexapod, home.translation, home.rotation)
@@ -279,6 +288,22 @@ def _most_used(
         float(allowed[at]),
         float(use[at]),
     )
+
+
+def _by_kernels(kernels: Kernels, samples: PlatformSamples) -> MotorDemand | None:
+    """All states at once, or None where one of them has no answer."""
+    pose = np.hstack([samples.position, Rotation.from_matrix(samples.rotation).as_quat()])
+    positions = kernels.inverse_kinematics(pose)
+    rates = np.einsum("nij,nj->ni", kernels.motor_jacobian(pose), samples.twist)
+    efforts = kernels.inverse_dynamics(pose, samples.twist, samples.acceleration)
+    if not np.isfinite(efforts).all():
+        return None
+    # Angles are those of home's branch; they go on where a motor has turned further.
+    turning = [
+        joint.kind is JointKind.REVOLUTE for joint in map(kernels.chain.mechanism.joint, kernels.chain.motors)
+    ]
+    positions[:, turning] = np.unwrap(positions[:, turning], axis=0)
+    return MotorDemand(samples.time, positions, rates, efforts)
 
 
 def _state_by_state(chain: ClosedChain, samples: PlatformSamples) -> MotorDemand:

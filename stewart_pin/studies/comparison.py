@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from scipy.spatial.transform import Rotation
 
 from stewart_pin.building.hexapod_bodies import hexapod_bodies
 from stewart_pin.building.variants import massless_legs, replace_inertias
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, point_mass_forces
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
+from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import State, platform_motion
 from stewart_pin.model.chain import ClosedChain
@@ -66,7 +68,11 @@ class Comparison:
 
 
 def compare_methods(
-    chain: ClosedChain, samples: PlatformSamples, *, progress: Progress | None = None
+    chain: ClosedChain,
+    samples: PlatformSamples,
+    *,
+    kernels: bool | None = None,
+    progress: Progress | None = None,
 ) -> Comparison:
     """Compute the motor forces of a motion by every method that applies.
 
@@ -76,6 +82,9 @@ def compare_methods(
         Closed chain whose platform can do the motion.
     samples
         The motion.
+    kernels
+        Whether compiled kernels are one of the methods, and give the contributions; None: for more than a handful of
+        states, where CasADi is installed and the chain can be compiled.
     progress
         Told after every state.
 
@@ -101,9 +110,23 @@ def compare_methods(
             say(stage, k + 1, len(states))
         return forces
 
+    pose = np.hstack([samples.position, Rotation.from_matrix(samples.rotation).as_quat()])
+
+    def array_forces(variant: ClosedChain) -> FloatArray | None:
+        compiled = kernels_for(variant, len(samples), kernels)
+        return compiled and compiled.inverse_dynamics(pose, samples.twist, samples.acceleration)
+
+    def forces_of(variant: ClosedChain, stage: str) -> FloatArray:
+        forces = array_forces(variant)
+        return tree_forces(variant, "pinocchio", stage) if forces is None else forces
+
     simple = massless_legs(chain, point_platform=True)
     forces = {m: tree_forces(chain, m, m) for m in ("pinocchio", "constraint_matrix")}
     simplified = {m: tree_forces(simple, m, f"{m}, simplified") for m in forces}
+    for variant, found in ((chain, forces), (simple, simplified)):
+        compiled = array_forces(variant)
+        if compiled is not None:
+            found["kernels"] = compiled
     notes: list[str] = []
     try:
         forces["closed_form"] = _closed_form(chain, samples)
@@ -112,8 +135,8 @@ def compare_methods(
     except UnsupportedError as error:
         notes.append(f"no closed form and no point-mass formula for this robot: {error}")
     # Inverse dynamics is linear in the inertial parameters: what each adds is its share, whatever the order.
-    rigid = tree_forces(massless_legs(chain), "pinocchio", "massless legs")
-    points = tree_forces(_point_legs(chain), "pinocchio", "point legs")
+    rigid = forces_of(massless_legs(chain), "massless legs")
+    points = forces_of(_point_legs(chain), "point legs")
     whole, bare = forces["pinocchio"], simplified["pinocchio"]
     contributions = {
         "platform mass": bare,

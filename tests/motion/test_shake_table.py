@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
+from stewart_pin.errors import ClosureError
 from stewart_pin.motion.shake_table import _state_by_state
-from tests.closed_states import robot
+from tests.closed_states import close, robot
 
 TIME = np.linspace(0.0, 1.0, 201)
 
@@ -70,3 +72,23 @@ def test_what_cannot_be_scaled_is_refused() -> None:
     # Home is not in the middle of the stroke.
     with pytest.raises(stp.errors.InputError, match="scale 0"):
         stp.fit_to_limits(chain, shaking(chain, 0.9, 1.0), margin=0.9999)
+
+
+@pytest.mark.parametrize("name", ["hexapod_rss", "stewart_sps"])
+def test_kernels_change_nothing(name: str) -> None:
+    """The demand of a motion, state by state and by compiled kernels."""
+    chain = stp.load(name)
+    home = stp.platform_pose(chain, chain.q_home)
+    size = 0.05 * chain.length_scale
+    motion = stp.sinusoidal_motion(stp.sample_times(1.0, 20.0), amplitude=(size, size, size), home=home)
+    by_state = stp.motor_demand(chain, motion, kernels=False)
+    by_kernel = stp.motor_demand(chain, motion, kernels=True)
+    for field in ("positions", "rates", "efforts"):
+        close(getattr(by_kernel, field), getattr(by_state, field), 1e-10)
+
+
+def test_kernels_leave_errors_to_the_careful_verbs() -> None:
+    chain = stp.load("hexapod_rss")
+    far = stp.sinusoidal_motion([0.0, 0.1], home=pin.SE3(np.eye(3), np.array([5.0, 0.0, 1.0])))
+    with pytest.raises(ClosureError):
+        stp.motor_demand(chain, far, kernels=True)

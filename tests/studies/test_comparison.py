@@ -42,6 +42,21 @@ def test_the_legs_masses_explain_the_error_of_the_point_mass(comparison: stp.Com
     assert 0.0 < rms(shares["leg inertia"]) < 0.05 * rms(error)
 
 
+@pytest.mark.parametrize("name", ["stewart", pytest.param("delta", marks=pytest.mark.slow)])
+def test_kernels_are_a_method_of_their_own(name: str) -> None:
+    chain = stp.load(name)
+    size = 0.05 * chain.length_scale
+    home = stp.platform_pose(chain, chain.q_home)
+    motion = stp.sinusoidal_motion(stp.sample_times(1.0, 10.0), amplitude=(size, size, size), home=home)
+    plain = stp.compare_methods(chain, motion, kernels=False)
+    fast = stp.compare_methods(chain, motion, kernels=True)
+    assert set(fast.forces) == {*plain.forces, "kernels"} and "kernels" in fast.simplified
+    assert max(fast.agreement.values()) < 1e-11
+    largest = np.abs(plain.reference).max()
+    for part, share in fast.contributions.items():
+        np.testing.assert_allclose(share, plain.contributions[part], atol=1e-10 * largest)
+
+
 def test_progress_is_told(comparison: stp.Comparison) -> None:
     chain = stp.load("stewart_cad")
     motion = stp.sinusoidal_motion([0.0, 0.1], home=stp.platform_pose(chain, chain.q_home))
