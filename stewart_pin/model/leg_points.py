@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -78,6 +78,8 @@ class _Walker:
     def __init__(self, mechanism: Mechanism, platform: str) -> None:
         self.ends = (mechanism.root, platform)
         self.edges = _edges(mechanism)
+        self.fixed = _fixed_links(self.edges, self.ends)
+        self._absorb_fixed_links()
         reach = [np.linalg.norm(edge.here.translation) for edges in self.edges.values() for edge in edges]
         self.tolerance = _ROUND_OFF * max(reach, default=1.0)
         self._drop_dead_ends()
@@ -102,6 +104,7 @@ class _Walker:
     def _walk(self, motor: Joint, link: str, behind: str) -> tuple[str, _Locus]:
         """Walk from one side of the motor over joints about one point to the ground or the platform."""
         visited = {behind}
+        link, _ = self.fixed.get(link, (link, pin.SE3.Identity()))
         locus: _Locus | None = None
         rigid = pin.SE3.Identity()  # current link in the first one, while only fixed joints have been passed
         while link not in self.ends:
@@ -149,6 +152,19 @@ class _Walker:
         start = locus.start if locus.start_axis is None else locus.start + steps[0] * locus.start_axis
         return _Locus(edge.there.act(along * edge.axis), None, start, None)
 
+    def _absorb_fixed_links(self) -> None:
+        """Count links fixed to the ground or the platform as part of it, so that legs may start anywhere on them."""
+        edges: dict[str, list[_Edge]] = {link: [] for link in self.edges if link not in self.fixed}
+        rest = pin.SE3.Identity()
+        for link, leaving in self.edges.items():
+            owner, placement = self.fixed.get(link, (link, rest))
+            for edge in leaving:
+                other, beyond = self.fixed.get(edge.other, (edge.other, rest))
+                if other != owner:
+                    moved = replace(edge, other=other, here=placement * edge.here, there=beyond * edge.there)
+                    edges[owner].append(moved)
+        self.edges = edges
+
     def _drop_dead_ends(self) -> None:
         """Forget links that hang on one joint, such as covers and sensors."""
         while True:
@@ -172,6 +188,19 @@ def _edges(mechanism: Mechanism) -> dict[str, list[_Edge]]:
         edges[link1].append(_Edge(part.kind, part.name, link2, placement1, placement2, part.axis))
         edges[link2].append(_Edge(part.kind, part.name, link1, placement2, placement1, part.axis))
     return edges
+
+
+def _fixed_links(edges: dict[str, list[_Edge]], ends: tuple[str, ...]) -> dict[str, tuple[str, pin.SE3]]:
+    """Find the links fixed to one of the ends: that end, and the link's frame in it."""
+    fixed: dict[str, tuple[str, pin.SE3]] = {}
+    frontier = [(end, end, pin.SE3.Identity()) for end in ends]
+    while frontier:
+        end, link, placement = frontier.pop()
+        for edge in edges[link]:
+            if edge.kind is JointKind.FIXED and edge.other not in fixed and edge.other not in ends:
+                fixed[edge.other] = (end, placement * edge.here * edge.there.inverse())
+                frontier.append((end, edge.other, fixed[edge.other][1]))
+    return fixed
 
 
 def _carried(locus: _Locus | None, edge: _Edge) -> _Locus | None:

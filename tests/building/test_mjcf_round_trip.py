@@ -97,6 +97,15 @@ def test_bundled_robots(name: str, rng: np.random.Generator, tmp_path: Path) -> 
     require_same_limits(chain, again)
 
 
+@pytest.mark.parametrize("name", ["stewart", "stewart_sps"])
+def test_closed_forms_of_hexapods_take_what_was_read(name: str, tmp_path: Path) -> None:
+    """The base is a body fixed to MuJoCo's world."""
+    chain = stp.load(name)
+    mine, other = (stp.Hexapod.from_chain(x) for x in (chain, there_and_back(chain, tmp_path)))
+    np.testing.assert_allclose(other.base_points, mine.base_points, rtol=0, atol=TOLERANCE)
+    np.testing.assert_allclose(other.platform_points, mine.platform_points, rtol=0, atol=TOLERANCE)
+
+
 def test_couplings(rng: np.random.Generator, tmp_path: Path) -> None:
     chain = gear_train(rng)
     again = there_and_back(chain, tmp_path)

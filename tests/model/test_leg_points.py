@@ -70,6 +70,27 @@ def test_joint_frames_may_sit_anywhere_on_axes_that_meet() -> None:
     assert_ends(one_leg(joints=shifted))
 
 
+def test_legs_may_share_a_link_that_is_fixed_to_the_ground_or_the_platform(rng: np.random.Generator) -> None:
+    """Files of simulators fix the base to a world, and a flange to the platform; all legs start from those."""
+    stand, flange = turned(rng), turned(rng)
+    joints = (
+        Joint("stand", F, "base", "plinth", stand),
+        Joint("flange", F, "platform", "flange", flange),
+        Joint("x", R, "plinth", "cross", stand.inverse() * at(*FOOT), X),
+        Joint("x2", R, "plinth", "cross2", stand.inverse() * at(*HEAD), X),
+        Joint("y2", R, "cross2", "lower2", ONE, Y),
+        Joint("leg2", P, "lower2", "upper2", ONE, Z),
+    )
+    loops = (
+        Loop("ball", S, "flange", "upper", flange.inverse() * at(*HEAD), ONE),
+        Loop("ball2", S, "upper2", "flange", ONE, flange.inverse() * at(*FOOT)),
+    )
+    mechanism = one_leg(joints=joints, loops=loops, links=("plinth", "flange", "cross2", "lower2", "upper2"))
+    base, platform = leg_points(mechanism, ["leg", "leg2"], "platform")
+    np.testing.assert_allclose(base, [FOOT, HEAD], atol=1e-14)
+    np.testing.assert_allclose(platform, [HEAD, FOOT], atol=1e-14)
+
+
 def test_skew_frames_and_fixed_links_in_between(rng: np.random.Generator) -> None:
     """The same leg written in turned frames, its parts in two links each, covers hanging on them."""
     mount, tube, clamp, socket, cover = (turned(rng) for _ in range(5))
