@@ -35,12 +35,13 @@ def load(
     Parameters
     ----------
     name_or_path
-        Name of a bundled robot (see `robots`), or path of a URDF with loops, an MJCF or an SDFormat file.
+        Name of a bundled robot (see `robots`), or path of a URDF with loops in any dialect (README, "Loops in files"),
+        an MJCF or an SDFormat file.
     loops
-        Side-car file that declares the loops; no dialect with one is supported yet.
+        Gepetto YAML that declares the loops of a URDF; default: one of the URDF's name beside it, if there is any.
     motors
-        Names of the motor joints, in order; default: the joints that the file marks ``independent="true"``, or that
-        an MJCF file drives by actuators.
+        Names of the motor joints, in order; default: the joints that the file marks ``independent="true"`` or lists,
+        that its transmissions name without doubt, or that an MJCF file drives by actuators.
     platform
         Name of the platform link; default: the parent link of the ``<end_effector name="platform">``, or else the
         link (in MJCF: body or site) called ``platform``.
@@ -51,7 +52,7 @@ def load(
     Returns
     -------
     ClosedChain
-        The robot, validated, its home configuration closed; ``print(chain.report)`` tells what the file held besides.
+        The robot, validated, its home configuration closed; ``print(chain.report)`` tells what was made of the file.
 
     Raises
     ------
@@ -68,6 +69,8 @@ def load(
     >>> chain.nv, chain.nu, chain.nc
     (24, 6, 18)
     """
+    if not isinstance(loops, str | Path | None):
+        raise InputError(f"loops must be a path, got {loops!r}")
     side_car = None if loops is None else Path(loops)
     mechanism = read_mechanism(find_robot(name_or_path), loops=side_car)
     return build_chain(mechanism, motors=motors, platform=platform, gravity=gravity)

@@ -96,6 +96,8 @@ def test_gravity_is_a_vector(gravity: object) -> None:
 def test_side_cars_of_other_kinds_are_named_as_unsupported() -> None:
     with pytest.raises(UnsupportedError, match=r"loops='loops\.toml'"):
         stp.load("stewart", loops="loops.toml")
+    with pytest.raises(InputError, match="loops must be a path, got 3"):
+        stp.load("stewart", loops=3)  # type: ignore[arg-type]
 
 
 def test_robots_are_found_in_a_wheel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -102,7 +102,7 @@ def test_every_dialect_is_reported_with_its_name(tmp_path: Path) -> None:
     report = str(stp.load(write(tmp_path, text)).report)
     for line in (
         "kept: read as Isaac <loop_joint> (loop 'pin')",
-        "kept: read as Drake <drake:ball_constraint> (loop 'platform_rocker_ball')",
+        "kept: read as Drake's tags (loop 'platform_rocker_ball')",
         "kept: read as urdfdom <constraint> (loop 'pin2')",
         "kept: read as URDF+ (loop 'pin3')",
     ):
@@ -479,7 +479,7 @@ AMBIGUOUS = {
 @pytest.mark.parametrize(("parts", "words"), AMBIGUOUS.values(), ids=AMBIGUOUS)
 def test_ambiguous_motors_are_not_guessed(tmp_path: Path, parts: tuple[str, ...], words: str) -> None:
     path = write(tmp_path, robot(*UNMARKED, *parts))
-    with pytest.raises(MechanismError, match="no joint is marked independent"):
+    with pytest.raises(MechanismError, match="no joint is marked as a motor"):
         stp.load(path)
     assert words in str(stp.load(path, motors=["elbow"]).report)
 

@@ -182,7 +182,7 @@ def _write_transmission(robot: etree._Element, joint: Joint) -> None:
 
 DIALECT = Dialect(
     "drake",
-    f"Drake <{_BALL}>",
+    "Drake's tags",
     {
         f"robot/{_BALL}": _read_ball,
         "robot/drake:joint": _read_joint,
