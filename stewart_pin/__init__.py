@@ -29,6 +29,7 @@ from stewart_pin.building.locking import lock_joints as lock_joints
 from stewart_pin.building.resources import robots as robots
 from stewart_pin.building.roles import with_motors as with_motors
 from stewart_pin.building.roles import with_platform as with_platform
+from stewart_pin.building.rotary_legs import rotary_legs as rotary_legs
 from stewart_pin.building.variants import attach_payload as attach_payload
 from stewart_pin.building.variants import massless_legs as massless_legs
 from stewart_pin.building.variants import replace_inertias as replace_inertias
