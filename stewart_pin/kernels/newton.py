@@ -12,6 +12,8 @@ from stewart_pin.typing import BoolArray, FloatArray
 
 _CLOSED = 1e-11
 """Gap at which a row is closed, in robot sizes and radians: a few hundred units of round-off."""
+_CLOSED_SINGLE = 1e-5
+"""The same in single precision."""
 _PLAIN_STEPS = 8
 """Full steps before the rows that have not closed by then are damped."""
 _SMALLEST_SHARE = 1e-4
@@ -94,20 +96,22 @@ def damped_newton(
     Solved
         States, and which of them are closed.
     """
-    states, gap = _plain(step, start, target, threads)
-    left = np.flatnonzero(~(gap <= _CLOSED))
+    tolerance = _CLOSED if step.dtype == np.float64 else _CLOSED_SINGLE
+    states, gap = _plain(step, start, target, tolerance, threads)
+    left = np.flatnonzero(~(gap <= tolerance))
     if left.size:
-        states[left], gap[left] = _damped(step, start[left], target[left], max_iterations, threads)
-    return Solved(states, gap, gap <= _CLOSED)
+        begin, aim = start[left], target[left]
+        states[left], gap[left] = _damped(step, begin, aim, tolerance, max_iterations, threads)
+    return Solved(states, gap, gap <= tolerance)
 
 
 def _plain(
-    step: ArrayKernel, start: FloatArray, target: FloatArray, threads: int
+    step: ArrayKernel, start: FloatArray, target: FloatArray, tolerance: float, threads: int
 ) -> tuple[FloatArray, FloatArray]:
     """Take full steps until a row has closed, or has had enough of them."""
     (state, *_), (following, gap, *_) = step.program.inputs, step.program.outputs
     # The step after a closed gap leaves nothing but round-off.
-    repeat = Repeat(state.name, following.name, gap.name, _CLOSED, _PLAIN_STEPS)
+    repeat = Repeat(state.name, following.name, gap.name, tolerance, _PLAIN_STEPS)
     states, gaps = step.repeated(repeat)(start, target, np.ones(1), threads=threads)
     return states, _sizes(gaps)
 
@@ -121,7 +125,12 @@ def _sizes(gaps: FloatArray) -> FloatArray:
 
 
 def _damped(
-    step: ArrayKernel, start: FloatArray, target: FloatArray, max_iterations: int, threads: int
+    step: ArrayKernel,
+    start: FloatArray,
+    target: FloatArray,
+    tolerance: float,
+    max_iterations: int,
+    threads: int,
 ) -> tuple[FloatArray, FloatArray]:
     """Take shorter steps where a full one does not lower the gap."""
 
@@ -132,7 +141,7 @@ def _damped(
 
     states, share = np.array(start, dtype=float), np.ones(len(start))
     following, gap = take(np.arange(len(start)), states, share)
-    active = np.flatnonzero(np.isfinite(gap) & (gap > _CLOSED))
+    active = np.flatnonzero(np.isfinite(gap) & (gap > tolerance))
     for _ in range(max_iterations):
         if not active.size:
             break
@@ -145,7 +154,7 @@ def _damped(
         if worse.size:
             share[worse] /= 4
             following[worse] = take(worse, states[worse], share[worse])[0]
-        active = np.sort(np.concatenate([good[gap[good] > _CLOSED], worse]))
-    closed = gap <= _CLOSED
+        active = np.sort(np.concatenate([good[gap[good] > tolerance], worse]))
+    closed = gap <= tolerance
     states[closed] = following[closed]
     return states, gap

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 _FEASIBLE = 1e-6
 """Part of a demand that may be impossible by round-off of printed numbers, as in the one-state verbs."""
+_FEASIBLE_SINGLE = 1e-5
+"""The same where every operation is rounded to single precision: a hundred units of it."""
 
 
 class Kernels:
@@ -63,6 +65,9 @@ class Kernels:
         self.coordinates = functions.coordinates
         self._functions = functions
         self._options: dict[str, Any] = {"dtype": dtype, "engine": engine}
+        if np.dtype(dtype) not in (np.float64, np.float32):
+            raise InputError(f"dtype must be float64 or float32, got {np.dtype(dtype)}")
+        self._feasible = _FEASIBLE if np.dtype(dtype) == np.float64 else _FEASIBLE_SINGLE
         self._written: dict[str, Any] = {}
         self._kernels: dict[str, ArrayKernel] = {}
 
@@ -389,17 +394,17 @@ class Kernels:
 
     def _kernel(self, name: str) -> ArrayKernel:
         if name not in self._kernels:
-            function, bounds = _with_judges(self.casadi(name))
+            function, bounds = _with_judges(self.casadi(name), self._feasible)
             self._kernels[name] = compile_function(function, bounds=bounds, **self._options)
         return self._kernels[name]
 
 
-def _with_judges(function: Any) -> tuple[Any, list[StateBound]]:
+def _with_judges(function: Any, feasible: float) -> tuple[Any, list[StateBound]]:
     """Let outputs judge a state: unit quaternions, feasible demands, closed loops."""
     import casadi as ca  # noqa: PLC0415 - optional; there is a function already
 
     bounds = [
-        StateBound(name, upper=_FEASIBLE) for name in ("infeasible", "open") if name in function.name_out()
+        StateBound(name, upper=feasible) for name in ("infeasible", "open") if name in function.name_out()
     ]
     if "pose" not in function.name_in():
         return function, bounds

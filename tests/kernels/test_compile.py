@@ -193,12 +193,25 @@ def test_the_interpreter_agrees_with_the_machine_code(rng: np.random.Generator) 
         many.inverse_dynamics(pose, twist, acceleration),
         1e-13,
     )
-    single = compile_kernels(robot("stewart"), dtype=np.float32)
-    close(
-        single.inverse_dynamics(pose, twist, acceleration),
-        many.inverse_dynamics(pose, twist, acceleration),
-        1e-4,
-    )
+
+
+@pytest.mark.parametrize("name", ["stewart", "four_bar"])
+def test_single_precision(name: str, rng: np.random.Generator) -> None:
+    many, single = kernels(name), compile_kernels(robot(name), dtype=np.float32)
+    _, (pose, twist, acceleration, q_motor) = platform_states(many, rng, 3)
+    # 1e-7 of round-off, times a few hundred operations that cancel.
+    close(single.inverse_kinematics(pose), q_motor, 1e-5)
+    close(single.forward_kinematics(q_motor, pose[0]), many.forward_kinematics(q_motor, pose[0]), 1e-4)
+    expected = many.inverse_dynamics(pose, twist, acceleration)
+    close(single.inverse_dynamics(pose, twist, acceleration), expected, 1e-4)
+
+
+def test_wrong_options() -> None:
+    for wrong in ({"dtype": np.int32}, {"coordinates": "joint"}, {"engine": "gpu"}):
+        with pytest.raises(stp.errors.InputError, match=next(iter(wrong))):
+            compile_kernels(robot("four_bar"), **wrong).inverse_dynamics(
+                np.zeros(7), np.zeros(6), np.zeros(6)
+            )
 
 
 def test_report_and_functions() -> None:
