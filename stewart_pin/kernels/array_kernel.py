@@ -242,8 +242,11 @@ class ArrayKernel:
             run(0, n, table)
             return
         ends = [n * (k + 1) // shares for k in range(shares)]
+        # Each thread holds the arrays: an interrupted caller must not free what it still reads and writes.
+        held = (inputs, results, status)
         workers = [
-            threading.Thread(target=run, args=(begin, end, table)) for begin, end in itertools.pairwise(ends)
+            threading.Thread(target=lambda begin, end, _: run(begin, end, table), args=(begin, end, held))
+            for begin, end in itertools.pairwise(ends)
         ]
         for worker in workers:
             worker.start()

@@ -54,7 +54,7 @@ def as_states(port: Port, value: ArrayLike, dtype: np.dtype[Any]) -> tuple[Float
 def _converted(name: str, value: ArrayLike, dtype: np.dtype[Any]) -> FloatArray:
     try:
         array = np.asarray(value)
-        if array.dtype.kind not in "fiub":
+        if array.dtype.kind not in "fiub" or isinstance(value, np.ma.MaskedArray):  # whose mask would be lost
             raise TypeError
         with np.errstate(over="ignore"):  # becomes inf, which the status reports
             return array.astype(dtype)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import pickle
+import threading
+import weakref
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from typing import Any
@@ -15,9 +17,11 @@ import pytest
 from stewart_pin.errors import InputError, MissingExtraError
 from stewart_pin.kernels import array_kernel, target
 from stewart_pin.kernels.array_kernel import ArrayKernel
+from stewart_pin.kernels.compile_function import compile_function
 from stewart_pin.kernels.instructions import program_from_casadi
 from stewart_pin.kernels.preparing import prepare
 from stewart_pin.kernels.program import Program
+from stewart_pin.kernels.repeating import Repeat
 from stewart_pin.kernels.status import StateBound, StateStatus
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 
@@ -157,6 +161,32 @@ def test_result_depends_neither_on_place_nor_threads(dtype: Any, rng: np.random.
         assert np.array_equal(kernel(*(x[begin:] for x in states)), whole[begin:])
 
 
+def test_threads_hold_the_arrays_that_they_work_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A caller that is interrupted while it waits leaves threads behind, and drops its arrays."""
+
+    def interrupted(self: threading.Thread, timeout: float | None = None) -> None:
+        raise KeyboardInterrupt
+
+    x = ca.SX.sym("x")
+    function = ca.Function("f", [x], [x * 1.0000001, x < 0], ["x"], ["y", "gap"])
+    kernel = compile_function(function, repeat=Repeat("x", "y", "gap", 0.0, 600_000))
+    before = set(threading.enumerate())
+    states = np.repeat([[1.0], [-1.0]], 1024, axis=0)  # the caller's own half is done at once
+    alive = weakref.ref(states)
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(threading.Thread, "join", interrupted)
+        kernel(states, threads=2)
+    del states
+    gc.collect()
+    held, left = alive() is not None, set(threading.enumerate()) - before
+    assert held
+    assert left
+    for thread in left:
+        thread.join()
+    gc.collect()
+    assert alive() is None
+
+
 def test_other_types_are_converted(rng: np.random.Generator) -> None:
     states = sample_states(rng, 12)
     rounded = [x.astype(np.float32) for x in states]
@@ -225,6 +255,7 @@ def test_arguments_that_do_not_fit_are_refused(rng: np.random.Generator) -> None
         ((x[:3], a), {}, "differ in the number of states: x 3, A 4"),
         ((x[:0], a), {}, "differ in the number of states: x 0, A 4"),
         ((x + 0j, a), {}, "x must be an array of real numbers"),
+        ((np.ma.masked_less(x, 0.0), a), {}, "x must be an array of real numbers, got MaskedArray"),
         (("abc", a), {}, "x must be an array of real numbers, got str"),
         (([[1.0], [1.0, 2.0]], a), {}, "x must be an array of real numbers"),
         ((x, a), {"threads": 0}, "threads must be a number of threads, 1 or more, got 0"),
