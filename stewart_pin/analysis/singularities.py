@@ -32,6 +32,8 @@ _SHORTEST = 1e-6
 """Share of the path below which an interval is not halved."""
 _SHORT = 1e-3
 """Share of the path below which a measure without change of sign is minimised instead."""
+_ZERO = 1e-6
+"""Measure at a root: a path may pass it as steeply as its shortest interval allows."""
 _FAR = 0.5
 """Step of a configuration, in robot sizes and radians, whose ends tell nothing of what lies between."""
 _JUMP = 0.03
@@ -209,7 +211,7 @@ class _Search:
         self._seen: dict[float, _Sample] = {}
 
     def run(self, grid: np.ndarray) -> SingularityOnPath:
-        here = self._sample(grid[0])
+        here, zero = self._sample(grid[0]), max(_ZERO, self._tolerance)
         for s in grid[1:]:
             ahead = [self._sample(s)]
             while ahead:
@@ -230,6 +232,12 @@ class _Search:
                     for kind, verdict in verdicts.items()
                     if verdict != "clear"
                 ]
+                # A change of sign without a zero: the vectors of two values that come near each other were exchanged.
+                false = any(at.measures[kind].value > zero for at, _, kind in roots)
+                if false and wide:
+                    ahead.append(self._sample((here.s + there.s) / 2))
+                    continue
+                roots = [root for root in roots if root[0].measures[root[2]].value <= zero]
                 if roots:
                     at, crossed, kind = min(roots, key=lambda root: root[0].s)
                     return self._result(at, kind, crossed=crossed)
@@ -264,7 +272,8 @@ class _Search:
             return "clear"
         if min(abs(first.left @ last.left), abs(first.motion @ last.motion)) < ALIGNED:
             return "unsure"
-        if signed_measure(first, last) < 0:
+        # From one value to minus the other is no farther than the matrix goes.
+        if signed_measure(first, last) < 0 and first.value + last.value <= change:
             return "crossed"
         if b.s - a.s > _SHORT * self._span:
             return "unsure"

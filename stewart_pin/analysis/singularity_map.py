@@ -207,8 +207,8 @@ def _zero_between(here: Measure, there: Measure) -> float | None:
     """Find the share of the way at which a measure vanishes, if its vectors fit and its sign changes."""
     fit = min(abs(here.left @ there.left), abs(here.motion @ there.motion))
     change = np.linalg.norm(here.matrix - there.matrix, 2)
-    # No singular value changes by more than the matrix does.
-    if fit < ALIGNED or min(here.value, there.value) > change or signed_measure(here, there) >= 0:
+    # From one value to minus the other is no farther than the matrix goes.
+    if fit < ALIGNED or here.value + there.value > change or signed_measure(here, there) >= 0:
         return None
     return here.value / (here.value + there.value)
 
