@@ -9,6 +9,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies, LowerJoint, RigidBody
 from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.fixed_links import fixed_to
 from stewart_pin.model.tree import link_frame
 
 _SAME = 1e-9
@@ -55,7 +56,7 @@ def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
         axes.add(_lower_axes(chain, joint.parent))
         lower.append(_rigid_body(chain, joint.parent))
         upper.append(_rigid_body(chain, joint.child))
-    known = {mechanism.root, chain.platform}
+    known = {*fixed_to(mechanism, mechanism.root), chain.platform}
     known |= {
         name
         for motor in chain.motors
@@ -84,6 +85,9 @@ def _lower_axes(chain: ClosedChain, link: str) -> tuple[str, ...]:
     while link != chain.mechanism.root:
         joint = parents[link]
         turned = not np.array_equal(joint.placement.rotation, np.eye(3))
+        if joint.kind == "fixed" and not turned:
+            link = joint.parent
+            continue
         names = [
             name for name, axis in zip("xyz", np.eye(3), strict=True) if np.array_equal(joint.axis, axis)
         ]

@@ -12,7 +12,8 @@ from stewart_pin.building.loading import build_chain
 from stewart_pin.building.roles import require_link, with_fixed_link
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.model.chain import ClosedChain, as_pose
-from stewart_pin.model.description import JointKind, Link, Mechanism
+from stewart_pin.model.description import Link
+from stewart_pin.model.fixed_links import fixed_to
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import validate
 
@@ -126,7 +127,7 @@ def massless_legs(chain: ClosedChain, *, point_platform: bool = False) -> Closed
         If the platform's mass is to be gathered, but no link that is fixed to the platform has an inertia.
     """
     bodies = {link.name: link.inertia for link in chain.mechanism.links if link.inertia is not None}
-    ground, platform = (_fixed_to(chain.mechanism, link) for link in (chain.mechanism.root, chain.platform))
+    ground, platform = (fixed_to(chain.mechanism, link) for link in (chain.mechanism.root, chain.platform))
     inertias = {name: pin.Inertia.Zero() for name in bodies if name not in {*ground, *platform}}
     if point_platform:
         carriers = [name for name in platform if name in bodies]
@@ -139,21 +140,3 @@ def massless_legs(chain: ClosedChain, *, point_platform: bool = False) -> Closed
         origin = platform[carriers[0]].inverse().translation
         inertias[carriers[0]] = pin.Inertia(mass, origin, np.zeros((3, 3)))
     return replace_inertias(chain, inertias)
-
-
-def _fixed_to(mechanism: Mechanism, link: str) -> dict[str, pin.SE3]:
-    """Find the links that fixed joints hold to a link, itself first: their placements in it."""
-    placements, frontier = {link: pin.SE3.Identity()}, [link]
-    while frontier:
-        name = frontier.pop()
-        for joint in mechanism.joints:
-            if joint.kind is not JointKind.FIXED:
-                continue
-            for here, there, step in (
-                (joint.parent, joint.child, joint.placement),
-                (joint.child, joint.parent, joint.placement.inverse()),
-            ):
-                if here == name and there not in placements:
-                    placements[there] = placements[name] * step
-                    frontier.append(there)
-    return placements

@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Mechanism
+from stewart_pin.model.fixed_links import fixed_to
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9
@@ -78,7 +79,12 @@ class _Walker:
     def __init__(self, mechanism: Mechanism, platform: str) -> None:
         self.ends = (mechanism.root, platform)
         self.edges = _edges(mechanism)
-        self.fixed = _fixed_links(self.edges, self.ends)
+        self.fixed = {
+            link: (end, placement)
+            for end in self.ends
+            for link, placement in fixed_to(mechanism, end).items()
+            if link not in self.ends
+        }
         self._absorb_fixed_links()
         reach = [np.linalg.norm(edge.here.translation) for edges in self.edges.values() for edge in edges]
         self.tolerance = _ROUND_OFF * max(reach, default=1.0)
@@ -188,19 +194,6 @@ def _edges(mechanism: Mechanism) -> dict[str, list[_Edge]]:
         edges[link1].append(_Edge(part.kind, part.name, link2, placement1, placement2, part.axis))
         edges[link2].append(_Edge(part.kind, part.name, link1, placement2, placement1, part.axis))
     return edges
-
-
-def _fixed_links(edges: dict[str, list[_Edge]], ends: tuple[str, ...]) -> dict[str, tuple[str, pin.SE3]]:
-    """Find the links fixed to one of the ends: that end, and the link's frame in it."""
-    fixed: dict[str, tuple[str, pin.SE3]] = {}
-    frontier = [(end, end, pin.SE3.Identity()) for end in ends]
-    while frontier:
-        end, link, placement = frontier.pop()
-        for edge in edges[link]:
-            if edge.kind is JointKind.FIXED and edge.other not in fixed and edge.other not in ends:
-                fixed[edge.other] = (end, placement * edge.here * edge.there.inverse())
-                frontier.append((end, edge.other, fixed[edge.other][1]))
-    return fixed
 
 
 def _carried(locus: _Locus | None, edge: _Edge) -> _Locus | None:
