@@ -45,6 +45,10 @@ CHAINS = {
         if all(loop.kind is JointKind.SPHERICAL for loop in stp.load(name).loops)
     },
     "two bodies": lambda rng: build_chain(two_bodies(JointKind.SPHERICAL, rng).described(), gravity=DOWN),
+    **{
+        name: lambda _, name=name: stp.loops_by_balls(stp.load(name, gravity=DOWN))
+        for name in ("five_bar", "rpr_planar")
+    },
     "redundant": lambda _: build_chain(four_bar().described(), gravity=DOWN),
 }
 
@@ -72,10 +76,10 @@ def test_the_file_is_the_same_mechanism(make, tmp_path: Path, rng: np.random.Gen
         assert np.abs(gravity - ours).max() < TOLERANCE * np.abs(ours).max()
 
 
-@pytest.mark.parametrize("name", ["stewart", "four_bar", "delta"])
+@pytest.mark.parametrize("name", ["stewart", "four_bar", "delta", "five_bar", "rpr_planar"])
 def test_the_loops_hold_the_same_points(name: str, tmp_path: Path, closed_states) -> None:
     """Let go, Drake's robot falls as ours does: its loops are closed at the right points, by stiff constraints."""
-    chain = stp.load(name, gravity=DOWN)
+    chain = stp.loops_by_balls(stp.load(name, gravity=DOWN))
     stp.export(chain, tmp_path / "a.urdf", format="drake")
     step = 1e-4
     plant = opened(tmp_path / "a.urdf", chain.gravity, step)
@@ -92,8 +96,9 @@ def test_the_loops_hold_the_same_points(name: str, tmp_path: Path, closed_states
     ours = stp.forward_dynamics(chain, state.q, state.v, np.zeros(chain.nu)).a
     drift = engine.coordinates(state.q, state.v, ours)[2]
     v_next = plant.GetVelocities(context)
-    # Drake's constraints are slightly soft: 3 % on the Stewart platform, below 0.1 % on the others.
-    assert np.abs((v_next - theirs_v) / step - drift).max() < 0.05 * np.abs(drift).max()
+    # Drake's constraints are slightly soft, whatever the step: up to 0.3 m/s² of what falls at 10 m/s².
+    scale = max(np.abs(drift).max(), np.linalg.norm(DOWN))
+    assert np.abs((v_next - theirs_v) / step - drift).max() < 0.05 * scale
 
 
 GEARED = robot(

@@ -146,7 +146,7 @@ def write_drake(mechanism: Mechanism, path: Path) -> None:
         if loop.kind is not JointKind.SPHERICAL:
             raise UnsupportedError(
                 f"loop '{loop.name}' is of type '{loop.kind}'; Drake's URDF knows only ball constraints: "
-                "cut the loop at a ball, or hold a hinge by two balls on its axis"
+                "loops_by_balls(chain) holds hinges and rigid closures by balls"
             )
         _write_ball(robot, loop)
     for joint in mechanism.joints:

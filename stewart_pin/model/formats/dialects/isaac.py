@@ -126,7 +126,7 @@ def write_isaac(mechanism: Mechanism, path: Path) -> None:
         if loop.kind is not JointKind.SPHERICAL:
             raise UnsupportedError(
                 f"loop '{loop.name}' is of type '{loop.kind}'; Isaac Sim knows only spherical loop joints: "
-                "cut the loop at a ball, or hold a hinge by two balls on its axis"
+                "loops_by_balls(chain) holds hinges and rigid closures by balls"
             )
         element = etree.SubElement(robot, "loop_joint", name=loop.name, type="spherical")
         for tag, link, placement in (
