@@ -77,7 +77,14 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
 
 def _settle_assembled(chain: ClosedChain) -> ClosedChain:
     """Carry joints that the file puts beyond their limits inside, the loops closed; stay where they do not allow it."""
-    start = close_loops(chain, home_guess(chain, inside=False))
+    start = close_loops(chain, home_guess(chain, inside=False), throw=False)
+    if not start.success:
+        raise MechanismError(
+            f"no home configuration: the loops do not close where the file places its links: the gap is "
+            f"{start.gap:.3g} m; correct the poses",
+            path=chain.mechanism.source,
+            culprit="home",
+        )
     outside = limit_violations(chain, start.q, _CLOSED_IN_FILE)
     if not outside:
         return replace(chain, q_home=start.q)

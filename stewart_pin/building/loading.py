@@ -137,6 +137,13 @@ def _motors(mechanism: Mechanism, motors: Sequence[str] | None) -> tuple[str, ..
     if isinstance(motors, str) or not isinstance(motors, Sequence):
         raise InputError(f"motors must be a sequence of joint names, got {motors!r}")
     for name in motors:
+        if name in [loop.name for loop in mechanism.loops]:
+            raise MechanismError(
+                f"motors name the joint '{name}', which closes a loop, and has no coordinate; cut the "
+                "loop at a passive joint (of two parents of a link, the joint that stands last in the file is cut)",
+                path=mechanism.source,
+                culprit=name,
+            )
         if name not in movable:
             raise MechanismError(
                 f"motors name the joint '{name}', which is missing or has not one freedom; "

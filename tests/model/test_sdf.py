@@ -494,6 +494,17 @@ def test_what_is_ignored_is_noted(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
+def test_an_attribute_that_nobody_reads_is_noted(tmp_path: Path) -> None:
+    mechanism = read(tmp_path, link("a").replace("<link ", '<link colour="red" '))
+    assert "attribute 'colour' of <link>: unknown" in {note.text for note in mechanism.notes}
+
+
+def test_a_joint_that_closes_a_loop_is_no_motor(tmp_path: Path) -> None:
+    closing, _ = CLOSINGS["a second parent"]
+    with pytest.raises(MechanismError, match="'right_pin', which closes a loop, and has no coordinate"):
+        stp.load(write(tmp_path, sdf(*FOUR_BAR, closing)), motors=["right_pin"], platform="coupler")
+
+
 def test_a_link_without_inertial_weighs_one_kilogram(tmp_path: Path) -> None:
     mechanism = read(tmp_path, link("a", content=""), link("b"), HOLD, joint("j", "a", "b"))
     inertia = mechanism.link("a").inertia
@@ -546,6 +557,14 @@ ODD = {
     "no axis": (sdf(A, joint("j", "world", "a", xyz="")), "needs a <axis>"),
     "an axis of zero": (sdf(A, joint("j", "world", "a", xyz="0 0 0")), "axis of length zero"),
     "half a pose": (sdf(link("a", "1 2 3")), r"<pose> \(line 1\) must hold 6 numbers"),
+    "a pose in a frame of a wrong word": (
+        sdf(link("a", "1 2 3 0 0 0").replace("<pose", "<pose relativ_to='b'")),
+        "attribute 'relativ_to' of <pose>.*is not understood; it may have relative_to",
+    ),
+    "an axis in a frame of a wrong word": (
+        sdf(A, joint("j", "world", "a").replace("<xyz", "<xyz frame='b'")),
+        "attribute 'frame' of <xyz>",
+    ),
     "an infinite pose": (sdf(link("a", "1 2 inf 0 0 0")), "must be finite"),
     "a new flag in an old way": (
         sdf(A, joint("j", "world", "a", axis="<use_parent_model_frame>1</use_parent_model_frame>")),

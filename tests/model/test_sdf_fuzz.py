@@ -23,6 +23,11 @@ GEARS = (
     ),
 )  # fmt: skip
 BAR = etree.fromstring(sdf(*FOUR_BAR, CLOSINGS["a second parent"][0], *GEARS, version="1.11"))
+WORLD = etree.fromstring(
+    '<sdf version="1.10"><world name="w"><gravity>0 0 -9.8</gravity><frame name="f"><pose>1 0 0 0 0 0</pose></frame>'
+    f"{etree.tostring(BAR[0], encoding='unicode')}"
+    '<model name="plate"><static>1</static><link name="p"/></model></world></sdf>'
+)
 NESTED = etree.fromstring(TREES["nested models"])
 
 
@@ -42,6 +47,12 @@ def test_damaged_loops(tmp_path: Path, content: bytes) -> None:
 @hypothesis.given(content=damaged(NESTED))
 def test_damaged_models(tmp_path: Path, content: bytes) -> None:
     _load(tmp_path, content, "j", "b")
+
+
+@quick(30)
+@hypothesis.given(content=damaged(WORLD))
+def test_damaged_worlds(tmp_path: Path, content: bytes) -> None:
+    _load(tmp_path, content, "crank_hinge", "coupler")
 
 
 @pytest.mark.slow

@@ -61,9 +61,33 @@ def test_several_robots_are_listed(tmp_path: Path) -> None:
         read_sdf(write(tmp_path, world()))
 
 
-def test_joints_between_models_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileFormatError, match=r"joins models by a <joint> \(line 1\).*nest the models"):
-        read_sdf(write(tmp_path, world(model("one", *ARM), joint("k", "world", "one::a"))))
+def test_a_world_may_hold_the_robot(tmp_path: Path) -> None:
+    """By joints of its own, to itself or to its frames: 1 m above the table, half a turn about x from there."""
+    parts = (
+        '<frame name="table"><pose>0 0 1 0 0 0</pose></frame>',
+        model(
+            "arm",
+            link("base", "0 0 2 0 0 0"),
+            link("tip", "0 0 3 0 0 0"),
+            joint("j", "base", "tip", xyz="1 0 0"),
+        ),
+        joint("hold", "table", "arm::base", "fixed", xyz=""),
+    )
+    mechanism = read_sdf(write(tmp_path, world(*parts, version="1.10")))
+    assert {(x.name, x.kind, x.parent) for x in mechanism.joints} == {
+        ("hold", JointKind.FIXED, "world"),
+        ("j", JointKind.REVOLUTE, "base"),
+    }
+    np.testing.assert_array_equal(position(mechanism, "tip"), [0, 0, 3])
+    hinge = joint("turn", "world", "arm::base", pose="0 0 -1 0 0 0", xyz="1 0 0")
+    mechanism = read_sdf(write(tmp_path, world(*parts[:2], hinge, version="1.10")))
+    np.testing.assert_array_equal(position(mechanism, "tip", turn=np.pi), [0, 0, -1])
+
+
+def test_joints_to_another_model_are_refused(tmp_path: Path) -> None:
+    table = model("table", link("plate"))
+    with pytest.raises(FileFormatError, match=r"to the model 'table' by a <joint> \(line 1\); nest both"):
+        read_sdf(write(tmp_path, world(table, model("one", *ARM), joint("k", "table::plate", "one::a"))))
 
 
 def test_frames_of_a_world_place_models(tmp_path: Path) -> None:

@@ -135,6 +135,7 @@ def axis_direction(scope: Scope, element: etree._Element, placement: pin.SE3, ow
     """
     reader = scope.reader
     xyz = reader.child(element, "xyz", owner)
+    reader.only(xyz, owner, ("expressed_in",))
     vector = reader.vector(element, "xyz", 3, owner)
     frame = xyz.get("expressed_in") or ""
     old = reader.flag(element, "use_parent_model_frame", owner)
@@ -158,6 +159,7 @@ def _follow(scope: Scope, joint: etree._Element, axis: etree._Element, tag: str,
     if mimic is not None and drakes is not None:
         raise reader.error(f"{owner} has a <mimic> and a <drake:mimic>; keep one", owner)
     if drakes is not None:
+        reader.only(drakes, owner, ("joint", "multiplier", "offset"))
         multiplier, offset = (
             float(reader.numbers(drakes, key, 1, owner)[0]) for key in ("multiplier", "offset")
         )
@@ -165,6 +167,7 @@ def _follow(scope: Scope, joint: etree._Element, axis: etree._Element, tag: str,
         return Follow(leader, "axis", multiplier, offset, 0.0)
     if mimic is None:
         return None
+    reader.only(mimic, owner, ("joint", "axis"), ("multiplier", "offset", "reference"))
     which = mimic.get("axis", "axis")
     if which not in ("axis", "axis2"):
         raise reader.error(

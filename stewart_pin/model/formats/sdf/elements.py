@@ -53,8 +53,10 @@ class SdfReader(ElementReader):
         """
         self.notes.append(Note(subject, text, outcome))
 
-    def note_strangers(self, element: etree._Element, owner: str, known: Collection[str]) -> None:
-        """Note the children that are not read, and stop at those that could change the mechanism.
+    def note_strangers(
+        self, element: etree._Element, owner: str, known: Collection[str], attributes: Collection[str] = ()
+    ) -> None:
+        """Note attributes and children that are not read, and stop at children that could change the mechanism.
 
         Parameters
         ----------
@@ -64,7 +66,12 @@ class SdfReader(ElementReader):
             Named in the message.
         known
             Tags that are read.
+        attributes
+            Attributes that are read.
         """
+        for name in element.attrib:
+            if name not in attributes:
+                self.note(owner, f"attribute '{name}' of <{shown_tag(element)}>: unknown")
         for child in element.iterchildren(etree.Element):
             if shown_tag(child) not in known:
                 self.note(owner, f"<{shown_tag(child)}>: {why_ignored(self, child, owner)}")
@@ -288,6 +295,7 @@ class SdfReader(ElementReader):
         pose = self.optional(element, "pose", owner)
         if pose is None:
             return pin.SE3.Identity(), ""
+        self.only(pose, owner, ("relative_to", "frame", "rotation_format", "degrees"))
         # Up to 1.6 the attribute was called `frame`.
         frame = pose.get("relative_to") or pose.get("frame") or ""
         where = f"{owner}: <pose> (line {pose.sourceline})"

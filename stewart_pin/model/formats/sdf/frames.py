@@ -20,6 +20,8 @@ from stewart_pin.model.formats.sdf.elements import SdfReader
 
 MODEL = "__model__"
 WORLD = "world"
+_LISTED = 30
+"""How many names an error lists."""
 
 
 @dataclass(eq=False)
@@ -255,7 +257,8 @@ class Scope:
 
     def _find(self, name: str, user: str) -> etree._Element:
         if name not in self.elements:
-            have = ", ".join(sorted({*self.elements, *self.nested}))
+            names = sorted({*self.elements, *self.nested})
+            have = ", ".join(names[:_LISTED]) + (", ..." if len(names) > _LISTED else "")
             raise self.reader.error(
                 f"{user} names the frame '{name}', which {self.owner} does not have; it has: {have or 'none'}",
                 name,

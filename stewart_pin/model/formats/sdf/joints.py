@@ -103,7 +103,7 @@ def read_joint(scope: Scope, element: etree._Element) -> SdfJoint:
         )
     kind = _KINDS[written]
     tags = _AXES.get(kind, ())
-    reader.note_strangers(element, owner, _IN_JOINT)
+    reader.note_strangers(element, owner, _IN_JOINT, ("name", "type"))
     for tag in ("axis", "axis2"):
         if tag not in tags and reader.children(element, tag):
             reader.note(owner, f"<{tag}>: a joint of type '{written}' has none")
@@ -163,7 +163,7 @@ def link_pose(scope: Scope, link: str) -> pin.SE3:
     Parameters
     ----------
     scope
-        Any model of the file.
+        Any model of the file, or the world.
     link
         Full link name, or ``world``.
 
@@ -174,6 +174,8 @@ def link_pose(scope: Scope, link: str) -> pin.SE3:
     """
     if link == WORLD:
         return pin.SE3.Identity()
+    if scope.element.tag == "world":
+        scope = next(iter(scope.nested.values()))
     while scope.prefix and scope.parent is not None:
         scope = scope.parent
     return scope.pose(link, f"link '{link}'")

@@ -81,9 +81,11 @@ def read_sdf(path: Path) -> Mechanism:
                 weightless[0],
             )
         gravity = (0.0, 0.0, 0.0)
-    joints = [joint for scope in scopes for joint in _joints(scope)]
+    # A world may hold the robot by joints of its own.
+    holders = scopes if document.world is None else [*scopes, document.world]
+    joints = [joint for scope in holders for joint in _joints(scope)]
     couplings: list[Coupling] = []
-    for scope in scopes:
+    for scope in holders:
         for element in scope.reader.children(scope.element, "joint"):
             if is_gearbox(element):
                 couplings.append(read_gearbox(scope, element, joints))
@@ -124,7 +126,9 @@ def _link(scope: Scope, element: etree._Element, weightless: list[str], floating
     reader = scope.reader
     name = scope.prefix + reader.name(element)
     owner = f"link '{name}'"
-    reader.note_strangers(element, owner, {"pose", "inertial", "gravity", "kinematic", "must_be_base_link"})
+    reader.note_strangers(
+        element, owner, {"pose", "inertial", "gravity", "kinematic", "must_be_base_link"}, ("name",)
+    )
     if reader.flag(element, "kinematic", owner):
         raise UnsupportedError(
             f"{reader.path}: {owner} (line {element.sourceline}) is <kinematic>: something outside the model moves it; "
@@ -149,7 +153,7 @@ def _link(scope: Scope, element: etree._Element, weightless: list[str], floating
             f"{reader.path}: {owner} (line {inertial.sourceline}) has a <fluid_added_mass>, which no rigid body has; "
             "remove it"
         )
-    reader.note_strangers(inertial, owner, {"mass", "pose", "inertia"})
+    reader.note_strangers(inertial, owner, {"mass", "pose", "inertia"}, ("auto",))
     mass = reader.number(inertial, "mass", owner, "1")
     entries = reader.optional(inertial, "inertia", owner)
     matrix = np.eye(3)
@@ -204,7 +208,7 @@ def _drake_joint(scope: Scope, element: etree._Element) -> SdfJoint:
             f"{reader.path}: <drake:joint> '{name}' (line {element.sourceline}) of type '{written}'; supported: "
             "planar, without a <pose>"
         )
-    reader.note_strangers(element, owner, {"drake:parent", "drake:child"})
+    reader.note_strangers(element, owner, {"drake:parent", "drake:child"}, ("name", "type"))
     plain = etree.Element("joint", name=name)
     for tag in ("parent", "child"):
         etree.SubElement(plain, tag).text = reader.content(element, f"drake:{tag}", owner)
@@ -263,7 +267,7 @@ def _frames(scopes: list[Scope], poses: dict[str, pin.SE3]) -> tuple[list[Link],
             written = scope.reader.name(element)
             name = scope.prefix + written
             owner = f"frame '{name}'"
-            scope.reader.note_strangers(element, owner, {"pose"})
+            scope.reader.note_strangers(element, owner, {"pose"}, ("name", "attached_to"))
             carrier = scope.body(written, owner)
             placement = poses.get(carrier, pin.SE3.Identity()).inverse() * scope.pose(written, owner)
             links.append(Link(name))

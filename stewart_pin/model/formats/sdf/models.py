@@ -37,6 +37,8 @@ class SdfDocument:
     ----------
     model
         Its outermost model.
+    world
+        The world around it, or None.
     gravity
         (3,) acceleration of free fall that the world states [m/s²], or None.
     notes
@@ -44,6 +46,7 @@ class SdfDocument:
     """
 
     model: Scope
+    world: Scope | None
     gravity: tuple[float, float, float] | None
     notes: list[Note]
 
@@ -89,7 +92,7 @@ class _Opener:
             if shown_tag(element) not in ("world", "model"):
                 reader.note("the file", f"<{shown_tag(element)}>: only the model is read")
         if models:
-            return SdfDocument(self._model(reader, models[0], version, None, "", 0), None, self.notes)
+            return SdfDocument(self._model(reader, models[0], version, None, "", 0), None, None, self.notes)
         return self._from_world(reader, worlds[0], version)
 
     def _open(self, path: Path) -> tuple[SdfReader, etree._Element, tuple[int, ...]]:
@@ -112,12 +115,6 @@ class _Opener:
 
     def _from_world(self, reader: SdfReader, world: etree._Element, version: tuple[int, ...]) -> SdfDocument:
         owner = f"world '{world.get('name', '')}'"
-        for element in reader.children(world, "joint"):
-            raise reader.error(
-                f"{owner} joins models by a <joint> (line {element.sourceline}), which is not understood; "
-                "nest the models in one <model>",
-                "<joint>",
-            )
         for tag in dict.fromkeys(shown_tag(element) for element in world.iterchildren(etree.Element)):
             if tag not in _SCENERY:
                 reader.note(owner, f"<{tag}>: only the robot is read")
@@ -130,13 +127,16 @@ class _Opener:
             model = self._include(reader, chosen, around, "", 0)
         else:
             model = self._model(reader, chosen, version, around, "", 0)
+        own_name = chosen.get("name") or (chosen.findtext("name") or "").strip()
+        around.nested[own_name or model.element.get("name", "")] = model
+        _refuse_joints_to(others, around)
         # Up to 1.5, gravity stood in <physics>.
         physics = reader.children(world, "physics")
         for holder in [world, *physics]:
             if reader.children(holder, "gravity"):
                 x, y, z = (float(value) for value in reader.vector(holder, "gravity", 3, owner))
-                return SdfDocument(model, (x, y, z), self.notes)
-        return SdfDocument(model, None, self.notes)
+                return SdfDocument(model, around, (x, y, z), self.notes)
+        return SdfDocument(model, around, None, self.notes)
 
     def _robot(
         self, reader: SdfReader, world: etree._Element, owner: str
@@ -175,7 +175,9 @@ class _Opener:
         static = reader.flag(element, "static", owner) or (parent is not None and parent.static)
         frame = element.get("placement_frame", "")
         scope = Scope(reader, element, prefix, version, parent, placement_frame=frame, static=static)
-        reader.note_strangers(element, owner, _IN_MODEL)
+        reader.note_strangers(
+            element, owner, _IN_MODEL, ("name", "canonical_link", "placement_frame", "namespace")
+        )
         _enter_frames(scope)
         for child in element.iterchildren(etree.Element):
             match shown_tag(child):
@@ -206,7 +208,9 @@ class _Opener:
             raise UnsupportedError(
                 f"{reader.path}: {owner} merges or changes the model of '{uri}'; put its elements into the file"
             )
-        reader.note_strangers(element, owner, {"uri", "name", "pose", "static", "placement_frame"})
+        reader.note_strangers(
+            element, owner, {"uri", "name", "pose", "static", "placement_frame"}, ("merge",)
+        )
         inner, root, version = self._open(_beside(reader, uri, owner))
         models = inner.children(root, "model")
         if len(models) != 1:
@@ -233,6 +237,20 @@ def _enter_frames(scope: Scope) -> None:
     for tag in ("link", "joint", "frame"):
         for element in scope.reader.children(scope.element, tag):
             scope.elements.setdefault(scope.reader.name(element), element)
+
+
+def _refuse_joints_to(others: list[etree._Element], world: Scope) -> None:
+    """Stop at joints of a world that hold the robot at another model: without it, the robot would be another one."""
+    names = [_title(element) for element in others]
+    for joint in world.reader.children(world.element, "joint"):
+        for tag in ("parent", "child"):
+            head = (joint.findtext(tag) or "").strip().partition("::")[0]
+            if head in names:
+                raise world.reader.error(
+                    f"{world.owner} joins the robot to the model '{head}' by a <joint> (line {joint.sourceline}); "
+                    "nest both in one <model>",
+                    "<joint>",
+                )
 
 
 def _title(element: etree._Element) -> str:
