@@ -4,10 +4,22 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from stewart_pin.errors import InputError, MissingExtraError, UnsupportedError
-from stewart_pin.kernels.compile import Kernels, compile_kernels
+from stewart_pin.errors import (
+    ActuationError,
+    InputError,
+    MissingExtraError,
+    SingularityError,
+    UnsupportedError,
+)
+from stewart_pin.kernels.array_kernel import ArrayKernel
+from stewart_pin.kernels.compile import compile_kernels
+from stewart_pin.kernels.compile_function import compile_function
+from stewart_pin.kernels.single_state import SingleState
+from stewart_pin.kernels.verbs import Kernels
 from stewart_pin.model.chain import ClosedChain
 
+MANY_CALLS = 200_000
+"""Calls of one state below which compiling, some seconds, takes longer than it saves, ten microseconds a call."""
 HANDFUL = 300
 """States below which the verbs of one state, at a few milliseconds each, are through before kernels are compiled."""
 
@@ -41,8 +53,7 @@ def kernels_for(chain: ClosedChain, states: int, wanted: bool | None = None) -> 
     InputError
         If `wanted` is neither True, False nor None.
     """
-    if wanted not in (True, False, None):
-        raise InputError(f"kernels must be True, False or None (by the number of states), got {wanted!r}")
+    _require_choice(wanted)
     if wanted is False or (wanted is None and states < HANDFUL):
         return None
     try:
@@ -51,6 +62,53 @@ def kernels_for(chain: ClosedChain, states: int, wanted: bool | None = None) -> 
         if wanted:
             raise
         return None
+
+
+def acceleration_kernel(chain: ClosedChain, calls: int, wanted: bool | None = None) -> SingleState | None:
+    """Compile the forward dynamics of one state of the whole tree, if it is called often enough.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    calls
+        How often it will be called.
+    wanted
+        As in `kernels_for`, with many more calls for None.
+
+    Returns
+    -------
+    SingleState or None
+        Function of (q, v, tau_motor) to (a, lambda_c), for one thread.
+
+    Raises
+    ------
+    MissingExtraError
+        If kernels are wanted and CasADi is not installed.
+    UnsupportedError
+        If kernels are wanted and the chain cannot be compiled.
+    InputError
+        If `wanted` is neither True, False nor None.
+    """
+    _require_choice(wanted)
+    if wanted is False or (wanted is None and calls < MANY_CALLS):
+        return None
+    try:
+        return _compiled_tree(chain).single_state()
+    except (MissingExtraError, UnsupportedError, ActuationError, SingularityError):
+        if wanted:
+            raise
+        return None
+
+
+def _require_choice(wanted: bool | None) -> None:
+    if wanted not in (True, False, None):
+        raise InputError(f"kernels must be True, False or None (by the number of states), got {wanted!r}")
+
+
+@lru_cache(maxsize=8)
+def _compiled_tree(chain: ClosedChain) -> ArrayKernel:
+    return compile_function(compile_kernels(chain, coordinates="tree").casadi("tree_forward_dynamics"))
 
 
 @lru_cache(maxsize=8)

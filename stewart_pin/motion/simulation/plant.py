@@ -14,6 +14,8 @@ from stewart_pin.closure.newton import RANK, TOLERANCE
 from stewart_pin.closure.pinocchio_constraints import constraint_models
 from stewart_pin.closure.scratch import LoopScratch
 from stewart_pin.errors import ClosureError, UnsupportedError
+from stewart_pin.kernels.single_state import SingleState
+from stewart_pin.kernels.status import StateStatus
 from stewart_pin.mechanics.constrained import forward_dynamics
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
@@ -39,9 +41,18 @@ class Plant:
         (nv,) tangent velocity that keeps them closed [m/s, rad/s].
     motor_inertia
         (nu,) added to the mass matrix [kg or kg m²].
+    kernel
+        Acceleration of one state from compiled code, or None. It is used where it gives what the projection gives.
     """
 
-    def __init__(self, chain: ClosedChain, q: Configuration, v: Tangent, motor_inertia: FloatArray) -> None:
+    def __init__(
+        self,
+        chain: ClosedChain,
+        q: Configuration,
+        v: Tangent,
+        motor_inertia: FloatArray,
+        kernel: SingleState | None = None,
+    ) -> None:
         self.chain = chain
         self.loops = LoopScratch(chain)
         self.model = chain.model.copy()
@@ -54,7 +65,13 @@ class Plant:
         self._tolerance = TOLERANCE * self._sizes
         self._tau = np.zeros(chain.nv)
         self.rows = np.arange(chain.nc)
+        self._candidate = kernel
         self._prepare(q, v)
+
+    def _fits(self, q: Configuration, v: Tangent, expected: Tangent) -> bool:
+        a = self.acceleration(q, v, np.zeros(self.chain.nu))
+        # Round-off of a chain of factorisations, with room; a chain without mass gives NaN or nonsense.
+        return bool(np.abs(a - expected).max(initial=0.0) < 1e-8 * max(1.0, float(np.abs(expected).max())))
 
     def _prepare(self, q: Configuration, v: Tangent) -> None:
         chain = self.chain
@@ -67,6 +84,11 @@ class Plant:
             None
         )
         self._weightless = False
+        self._kernel: SingleState | None = None
+        if self._candidate is not None and not self.model.armature.any():
+            self._kernel = self._candidate
+            if not self._fits(q, v, expected):
+                self._kernel = None
         if self._try_constraint_dynamics(q, v, expected):
             return
         saddle = self._saddle(q)
@@ -86,12 +108,31 @@ class Plant:
         pin.initConstraintDynamics(self.model, self._data, models, datas)
         self._settings = pin.ProximalSettings(1e-14, 0.0, 1)
         self._constrained = (models, datas)
-        a = self.acceleration(q, v, np.zeros(self.chain.nu))
-        # Round-off of a chain of factorisations, with room; a chain without mass gives NaN or nonsense.
-        fits = bool(np.abs(a - expected).max(initial=0.0) < 1e-8 * max(1.0, float(np.abs(expected).max())))
+        kernel, self._kernel = self._kernel, None
+        fits = self._fits(q, v, expected)
+        self._kernel = kernel
         if not fits:
             self._constrained = None
         return fits
+
+    def watch(self, q: Configuration, v: Tangent) -> None:
+        """Choose loop rows anew, and leave the kernel for good where its fixed pivots have lost too many digits.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration with closed loops, placed in `loops` [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity that keeps them closed [m/s, rad/s].
+        """
+        self.select_rows(q)
+        if self._kernel is not None:
+            kernel, self._kernel = self._kernel, None
+            careful = self.acceleration(q, v, np.zeros(self.chain.nu))
+            self._kernel = kernel
+            if not self._fits(q, v, careful):
+                self._kernel = None
+            self.loops.place(q)
 
     def select_rows(self, q: Configuration) -> None:
         """Choose loop rows that imply the others here, where `loops` has been placed.
@@ -126,6 +167,11 @@ class Plant:
         numpy.ndarray
             (nv,) tangent acceleration; not finite where the equations are singular [m/s², rad/s²].
         """
+        if self._kernel is not None:
+            a, _ = self._kernel(q, v, tau_motor)
+            if self._kernel.status is StateStatus.OK:
+                return np.array(a)
+            # A pivot has grown small, or the state is singular: the careful way knows.
         tau = self._tau
         tau[self.chain.motor_index] = tau_motor
         if self._constrained is not None:

@@ -11,6 +11,7 @@ import numpy as np
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.closure.equations import flipped_loop, row_sizes
 from stewart_pin.errors import ClosureError, ConvergenceError, InputError
+from stewart_pin.kernels.choosing import acceleration_kernel
 from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.motion.simulation.charts import ChartStepper
 from stewart_pin.motion.simulation.drive import (
@@ -49,6 +50,7 @@ class _Options:
     stop_on: frozenset[str]
     rtol: float
     atol: float
+    kernels: bool | None
     progress: Progress | None
 
 
@@ -68,6 +70,7 @@ def simulate(
     stop_on: Collection[str] = (),
     rtol: float = 1e-9,
     atol: float = 1e-9,
+    kernels: bool | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
     """Simulate a closed chain; its loops stay closed to round-off for a run of any length.
@@ -108,6 +111,9 @@ def simulate(
         Kinds of events that end the run, of ``"stroke"``, ``"rate"``, ``"effort"``, ``"singularity"``.
     rtol, atol
         Tolerances of SciPy's methods, lengths in robot sizes.
+    kernels
+        Whether compiled code computes the acceleration; None: in runs so long that compiling pays. It is compared with
+        the careful way 50 times per second of the run, and left where it loses digits.
     progress
         Told from time to time.
 
@@ -136,7 +142,7 @@ def simulate(
     drive = Drive(chain, controller, dt)
     state = SimulationState(float(start_time), 0, dt, q, v, np.zeros(drive.state_size), np.zeros(chain.nu))
     options = _Options(
-        duration, dt, method, record_rate, float(singular), _kinds(stop_on), rtol, atol, progress
+        duration, dt, method, record_rate, float(singular), _kinds(stop_on), rtol, atol, kernels, progress
     )
     return _run(chain, state, drive, motors or Motors(), options)
 
@@ -155,6 +161,7 @@ def resume(
     stop_on: Collection[str] = (),
     rtol: float = 1e-9,
     atol: float = 1e-9,
+    kernels: bool | None = None,
     progress: Progress | None = None,
 ) -> Simulation:
     """Go on where a simulation ended, with the controller's state, its samples and the energy account.
@@ -171,7 +178,7 @@ def resume(
         Further time [s].
     dt
         Step [s]; default: the earlier one.
-    method, motors, record_rate, singular, stop_on, rtol, atol, progress
+    method, motors, record_rate, singular, stop_on, rtol, atol, kernels, progress
         As in `simulate`.
 
     Returns
@@ -195,7 +202,7 @@ def resume(
         acted = 0 if state.sampled == state.steps else -1
         state = replace(state, origin=state.time, steps=0, dt=dt, sampled=acted)
     options = _Options(
-        duration, dt, method, record_rate, float(singular), _kinds(stop_on), rtol, atol, progress
+        duration, dt, method, record_rate, float(singular), _kinds(stop_on), rtol, atol, kernels, progress
     )
     return _run(chain, state, drive, motors or Motors(), options)
 
@@ -208,7 +215,9 @@ def _run(
     stride = _stride(count, dt, options.record_rate)
     watch = max(1, round(1 / (_WATCH_RATE * dt)))
     bank = MotorBank(chain, motors)
-    plant = Plant(chain, state.q, state.v, bank.inertia)
+    # Four calls a step of the fixed method; SciPy's own number is not known beforehand.
+    kernel = acceleration_kernel(chain, 4 * count, options.kernels)
+    plant = Plant(chain, state.q, state.v, bank.inertia, kernel)
     drive.hold(state.held)
     watcher = Watcher(chain, bank, options.singular)
     recorder = Recorder(chain, count // stride + 2)
@@ -241,7 +250,7 @@ def _run(
         found = watcher.limits(t, phase.q, phase.v, drive.effort(t, phase.q, phase.v, phase.x[2:]))
         if k % watch == 0:
             plant.loops.place(phase.q)
-            plant.select_rows(phase.q)
+            plant.watch(phase.q, phase.v)
             found += watcher.singularity(t, phase.q)
         return found
 

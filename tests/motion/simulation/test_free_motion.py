@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
+from stewart_pin.kernels.status import StateStatus
 from stewart_pin.model.description import JointKind
-from tests.closed_states import random_motion, robot
+from stewart_pin.motion.simulation.plant import Plant
+from tests.closed_states import random_configuration, random_motion, robot
 from tests.mechanisms import arm, five_bar, four_bar, two_bodies
 
 
@@ -155,3 +158,41 @@ def test_open_loops_are_refused(rng: np.random.Generator) -> None:
         stp.simulate(chain, q, np.zeros(chain.nv), duration=0.01)
     with pytest.raises(stp.errors.InputError, match="platform_motion"):
         stp.simulate(chain, chain.q_home, rng.normal(size=chain.nv), duration=0.01)
+
+
+@pytest.mark.parametrize("name", ["stewart", "four_bar"])
+def test_kernels_change_nothing(name: str, rng: np.random.Generator) -> None:
+    """The same fall by compiled code and by the careful way: round-off of a thousand steps apart."""
+    chain = robot(name)
+    q = random_configuration(chain, rng, 0.05)
+    v, _ = random_motion(chain, rng, q)
+    runs = [
+        stp.simulate(chain, q, 0.3 * v, duration=0.2, dt=2e-4, kernels=choice) for choice in (True, False)
+    ]
+    assert all(run.success for run in runs)
+    apart = pin.difference(chain.model, runs[0].q[-1], runs[1].q[-1]) / chain.tangent_scale
+    assert 0 <= np.abs(apart).max() <= 1e-11
+    np.testing.assert_allclose(runs[0].energy, runs[1].energy, rtol=1e-11)
+
+
+def test_a_kernel_that_loses_digits_is_left(rng: np.random.Generator) -> None:
+    """The plant compares, and goes on in the careful way."""
+    chain = robot("stewart")
+    still = np.zeros(chain.nv)
+
+    class Wrong:
+        status = StateStatus.OK
+        called = 0
+
+        def __call__(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            self.called += 1
+            return np.full(chain.nv, 1.0), np.zeros(chain.nc)
+
+    wrong = Wrong()
+    plant = Plant(chain, chain.q_home, still, np.zeros(chain.nu), wrong)  # type: ignore[arg-type]
+    expected = stp.forward_dynamics(chain, chain.q_home, still, np.zeros(6)).a
+    np.testing.assert_allclose(plant.acceleration(chain.q_home, still, np.zeros(6)), expected, atol=1e-9)
+    assert wrong.called == 1  # tried once, at the start
+    plant._kernel = wrong
+    plant.watch(chain.q_home, still)
+    np.testing.assert_allclose(plant.acceleration(chain.q_home, still, np.zeros(6)), expected, atol=1e-9)
