@@ -54,6 +54,8 @@ def lock_joints(chain: ClosedChain, joints: Sequence[str], q: ArrayLike | None =
         If a name is not that of a joint that moves, is given twice, or no joint would be left; if the loops are open.
     UnsupportedError
         If a locked joint follows another through a coupling that is stationary there, and so does not hold it.
+    MechanismError
+        If another joint stands beyond its limits at `q`, which is no home.
 
     Notes
     -----

@@ -11,7 +11,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
-from stewart_pin.errors import InputError, UnsupportedError
+from stewart_pin.errors import InputError, MechanismError, UnsupportedError
 from stewart_pin.model.description import Coupling, JointKind
 from tests.building.test_round_trip import assert_same
 from tests.closed_states import close, random_configuration, random_motion, robot
@@ -217,3 +217,13 @@ def test_a_stationary_cam_does_not_hold_its_shaft(rng: np.random.Generator) -> N
     ):
         stp.lock_joints(stopped, ["swing"])
     assert stp.lock_joints(stopped, ["swing", "pinion"]).nv == stopped.nv - 2
+
+
+def test_a_home_beyond_the_limits_of_a_joint_is_refused() -> None:
+    chain = robot("stewart")
+    high = pin.SE3(np.eye(3), np.array([0.0, 0.0, 2.0]))
+    q = stp.inverse_kinematics(chain, high, limits=False).q
+    with pytest.raises(
+        MechanismError, match=r"joint 'leg2' would stand at 2.0\d+, beyond its limits 0.5 to 1.8"
+    ):
+        stp.lock_joints(chain, ["leg1"], q)

@@ -107,3 +107,40 @@ def test_rods_that_are_not_parallel_are_two_legs_on_one_crank() -> None:
     )
     with pytest.raises(UnsupportedError, match="the two rods of its crank are not parallel"):
         stp.rotary_legs(bent)
+
+
+def test_the_crank_may_stand_beside_its_axis_frame() -> None:
+    """Motor frames anywhere along the axis: the centre of the circle is where the tip turns, not where the frame is."""
+    old = robot("delta").described()
+    cranks = {f"crank{k}" for k in (1, 2, 3)}
+
+    def shifted(joint: Joint) -> Joint:
+        along = 0.02 if joint.child in cranks else -0.02 if joint.parent in cranks else 0.0
+        return replace(
+            joint,
+            placement=at(0, along, 0).act(joint.placement)
+            if along < 0
+            else joint.placement * at(0, along, 0),
+        )
+
+    chain = build_chain(replace(old, joints=tuple(map(shifted, old.joints))))
+    found = stp.rotary_legs(chain)
+    for field in FIELDS:
+        np.testing.assert_allclose(getattr(found, field), getattr(delta(), field), atol=1e-12)
+
+
+def test_rods_between_universal_joints_hold_more_than_a_distance() -> None:
+    chain = stp.lock_joints(robot("hexapod_rss"), [f"rod{k}_spin" for k in range(1, 7)])
+    assert len(stp.rotary_legs(chain).rods) == 6  # a cross and a ball will do
+    old, data = chain.described(), pin.Data(chain.model)
+    pin.framesForwardKinematics(chain.model, data, chain.q_home)
+
+    def crossed(loop):
+        rod_frame = data.oMf[chain.model.getFrameId(loop.link2, pin.FrameType.BODY)].rotation
+        level = np.cross([0, 0, 1], rod_frame[:, 2])
+        axis2 = rod_frame.T @ level / np.linalg.norm(level)
+        return replace(loop, kind=JointKind.UNIVERSAL, axis=np.array([0.0, 0.0, 1.0]), axis2=axis2)
+
+    stiff = build_chain(replace(old, loops=tuple(map(crossed, old.loops))))
+    with pytest.raises(UnsupportedError, match="five or six joint axes"):
+        stp.rotary_legs(stiff)
