@@ -18,6 +18,7 @@ from stewart_pin.kernels.graph import driven_tree, platform_dynamics, platform_k
 from stewart_pin.kernels.graph.derivatives import dynamics_derivatives
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
+from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.plan import plan_platform
 from stewart_pin.model.chain import ClosedChain
@@ -35,6 +36,7 @@ _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
     "inverse_dynamics": driven_tree.driven_inverse_dynamics,
     "forward_dynamics": driven_tree.driven_forward_dynamics,
     "reactions": driven_tree.driven_reactions,
+    "regressor": driven_regressor,
     "motor_jacobian": driven_tree.driven_motor_jacobian,
     "closing_step": driven_tree.closing_step_function,
 }
@@ -47,6 +49,7 @@ _STATE: dict[str, Callable[[ClosedTree], ca.Function]] = {
     "inverse_dynamics": whole_tree.judged_inverse_dynamics,
     "forward_dynamics": whole_tree.judged_forward_dynamics,
     "reactions": whole_tree.judged_reactions,
+    "regressor": tree_regressor,
 }
 _DERIVATIVES = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives")
 
@@ -110,7 +113,7 @@ class FunctionSet:
         elif self.placed is None:
             own = [*_DRIVEN, "motor_closing_step"]
         else:
-            own = [*_LEGS, "reactions", "closing_step"]
+            own = [*_LEGS, "reactions", "regressor", "closing_step"]
         return (*own, *_DERIVATIVES, *_TREE)
 
     @property

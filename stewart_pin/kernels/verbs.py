@@ -253,6 +253,47 @@ class Kernels:
         """
         return self._call("forward_dynamics_derivatives", (pose, twist, tau_motor), status, threads)
 
+    def regressor(
+        self,
+        pose: ArrayLike,
+        twist: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        status: np.ndarray | None = None,
+        threads: int = 1,
+    ) -> FloatArray:
+        """Write the motor efforts as a matrix times the inertial parameters, for identification.
+
+        Parameters
+        ----------
+        pose, twist, acceleration
+            Motion in the kernels' coordinates, see the table above [m, rad, unit quaternions; per s; per s²].
+        status
+            (N,) int8 array for the codes of the states, dimensionless.
+        threads
+            Number of threads.
+
+        Returns
+        -------
+        numpy.ndarray
+            (N, nu, 10 bodies), such that motor efforts are ``regressor @ inertial_parameters`` [N or N m per kg, kg m,
+            kg m²].
+
+        Raises
+        ------
+        UnsupportedError
+            If there are idle freedoms: they obey their own inertia, and efforts are not linear in it.
+        """
+        return self._call("regressor", (pose, twist, acceleration), status, threads)
+
+    @property
+    def inertial_parameters(self) -> FloatArray:
+        """(10 bodies,) of the chain's bodies in Pinocchio's order: mass, first moments, inertia [kg, kg m, kg m²].
+
+        Of each body mass, mass times centre of mass, and inertia about its joint frame as xx, xy, yy, xz, yz, zz.
+        """
+        return np.concatenate([y.toDynamicParameters() for y in self.chain.model.inertias[1:]])
+
     def inverse_kinematics(
         self, pose: ArrayLike, *, status: np.ndarray | None = None, threads: int = 1
     ) -> FloatArray:

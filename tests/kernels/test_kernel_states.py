@@ -12,6 +12,7 @@ from stewart_pin.kernels.graph.derivatives import configuration_chart
 from stewart_pin.kernels.status import StateStatus
 from stewart_pin.kernels.tree import tree_of
 from stewart_pin.kernels.verbs import Kernels
+from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.model.loop_rows import orthonormal_triad
 from tests import mechanisms
 from tests.closed_states import close, derivative, random_configuration, random_motion, robot
@@ -83,6 +84,30 @@ def test_reactions_agree(name: str, rng: np.random.Generator) -> None:
     reactions = many.reactions(pose, twist, acceleration)
     for k, s in enumerate(whole):
         close(reactions[k], stp.inverse_dynamics(many.chain, s.q, s.v, s.a).lambda_c, AGREE)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "rpr_planar", "stewart", "arm_3r_spatial"])
+def test_regressor_is_pinocchios_for_the_motors(name: str, rng: np.random.Generator) -> None:
+    chain = robot(name)
+    many = compile_kernels(chain, coordinates="tree")
+    q, v, a = tree_states(chain, rng, 2)
+    regressor = many.regressor(q, v, a)
+    efforts = many.inverse_dynamics(q, v, a)
+    for k in range(2):
+        close(regressor[k] @ many.inertial_parameters, efforts[k], 1e-11)
+        whole = pin.computeJointTorqueRegressor(chain.model, pin.Data(chain.model), q[k], v[k], a[k])
+        motions = analyse_freedom(chain, q[k]).motions
+        share = motions[chain.motor_index].T
+        close(regressor[k], np.linalg.pinv(share) @ motions.T @ whole, 1e-10)
+
+
+def test_regressor_in_other_coordinates(rng: np.random.Generator) -> None:
+    many = kernels("stewart")
+    _, (pose, twist, acceleration, _) = platform_states(many, rng, 2)
+    expected = many.inverse_dynamics(pose, twist, acceleration)
+    close(many.regressor(pose, twist, acceleration) @ many.inertial_parameters, expected, 1e-10)
+    with pytest.raises(stp.errors.UnsupportedError, match="6 idle"):
+        kernels("stewart_sps").casadi("regressor")
 
 
 def displaced(pose: np.ndarray, step: np.ndarray) -> np.ndarray:

@@ -217,16 +217,36 @@ def driven_reactions(driven: DrivenTree) -> ca.Function:
 
 
 def _inverse(driven: DrivenTree) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX]:
+    inputs, v, a, infeasible = driven_motion(driven)
+    tau_motor, lambda_c = tree_inverse_dynamics(driven.closed, v, a)
+    return inputs, tau_motor, lambda_c, infeasible
+
+
+def driven_motion(driven: DrivenTree) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX]:
+    """Express the motion of the whole tree by that of what drives it.
+
+    Parameters
+    ----------
+    driven
+        The chain.
+
+    Returns
+    -------
+    inputs : dict
+        ``q``, ``velocity`` and ``acceleration``.
+    v, a : casadi.SX
+        (nv, 1) each.
+    infeasible : casadi.SX
+        (1, 1) part of the demand that the chain cannot do.
+    """
     closed, nc, size = driven.closed, driven.closed.tree.nc, driven.drive.shape[1]
     velocity, acceleration = ca.SX.sym("velocity", size), ca.SX.sym("acceleration", size)
     v = _follow(driven, ca.vertcat(ca.SX.zeros(nc), velocity))
     bias = _platform_bias(closed, v) if driven.coordinates == "platform" else ca.SX.zeros(size)
     demand = acceleration - bias
     a = _follow(driven, ca.vertcat(-tree_bias(closed, v), demand))
-    tau_motor, lambda_c = tree_inverse_dynamics(closed, v, a)
     infeasible = ca.fmax(_infeasible(driven, v, velocity), _infeasible(driven, a, demand))
-    inputs = {"q": closed.q, "velocity": velocity, "acceleration": acceleration}
-    return inputs, tau_motor, lambda_c, infeasible
+    return {"q": closed.q, "velocity": velocity, "acceleration": acceleration}, v, a, infeasible
 
 
 def driven_forward_dynamics(driven: DrivenTree) -> ca.Function:

@@ -7,6 +7,7 @@ share by least norm; idle freedoms obey their own inertia, whatever the demand a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -165,23 +166,46 @@ def tree_inverse_dynamics(closed: ClosedTree, v: ca.SX, a: ca.SX) -> tuple[ca.SX
     tree, chain = closed.tree, closed.chain
     require_held(chain, analyse_freedom(chain, chain.q_home))
     falling = at_rest(constant(tree.gravity))
-    needed = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
-    motors = motor_columns(tree)
-    share = closed.motions.T @ motors
+    demanded = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
+    tau_motor, needed = motor_efforts(
+        closed, demanded, lambda idle, scale: _let_idle_go(closed, demanded, idle, scale)
+    )
+    return tau_motor, _reactions(closed, needed - motor_columns(tree) @ tau_motor)
+
+
+def motor_efforts(
+    closed: ClosedTree, needed: ca.SX, let_go: Callable[[ca.SX, FloatArray], ca.SX]
+) -> tuple[ca.SX, ca.SX]:
+    """Find the motor efforts that joint efforts of the whole tree ask for.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+    needed
+        (nv, 1) joint efforts.
+    let_go
+        Changes the joint efforts where there are idle motions, given as (nv, n) with their natural sizes.
+
+    Returns
+    -------
+    tau_motor, needed : casadi.SX
+        (nu, 1) of least norm where motors are redundant, and (nv, 1) joint efforts as changed.
+    """
+    tree, chain = closed.tree, closed.chain
+    share = closed.motions.T @ motor_columns(tree)
     scale = closed.motion_scale
     values = closed.values(share) * scale[:, None] / chain.tangent_scale[list(tree.motors)]
     pivots = plan_pivots(values, list(range(len(tree.motors))))
     reduced = Elimination(share, pivots)
     if pivots.rows:
         idle = closed.motions @ reduced.forward(ca.SX.eye(share.shape[0]))[list(pivots.rows), :].T
-        needed = _let_idle_go(closed, needed, idle, scale[list(pivots.rows)])
+        needed = let_go(idle, scale[list(pivots.rows)])
     load = closed.motions.T @ needed
     if pivots.columns:
-        tau_motor = _least_norm(closed, share, load, [i for i, _ in pivots.places])
-    else:
-        found = reduced.back(reduced.forward(load), {})
-        tau_motor = ca.vertcat(*(found[k] for k in range(len(tree.motors))))
-    return tau_motor, _reactions(closed, needed - motors @ tau_motor)
+        return _least_norm(closed, share, load, [i for i, _ in pivots.places]), needed
+    found = reduced.back(reduced.forward(load), {})
+    return ca.vertcat(*(found[k] for k in range(len(tree.motors)))), needed
 
 
 def forward_dynamics_function(closed: ClosedTree) -> ca.Function:
