@@ -157,6 +157,14 @@ TREES = {
         link("b", "0 1 0 0 0 0", "<inertial><mass>3</mass></inertial>"),
         joint("j", "a", "b"),
     ),
+    "a world that holds its robot": '<sdf version="1.10"><world name="w">'
+    + frame("table", "0.1 0.2 1 0.3 0 0")
+    + '<model name="small"><pose relative_to="table">0.5 0 0 0 0.2 0</pose>'
+    + "".join(TWO)
+    + joint("j", "a", "b", pose=TURNED)
+    + "</model>"
+    + joint("hold", "table", "small::a", "fixed", xyz="")
+    + "</world></sdf>",
     "nested models": sdf(
         *TWO,
         HOLD,
