@@ -15,6 +15,7 @@ from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.model.description import AXIS_FREE_LOOPS, LOOP_KINDS, Coupling, JointKind, Link
 from stewart_pin.model.formats.dialect import dialects
 from tests.mechanisms import four_bar, gear_train, two_bodies
+from tests.small_urdf import bundled, write
 
 WRITERS = {dialect.name for dialect in dialects() if dialect.write is not None}
 SAYABLE = {
@@ -160,6 +161,15 @@ def test_names_of_frames_that_are_taken_are_named(tmp_path: Path) -> None:
     taken = build_chain(replace(chain.mechanism, links=links, joints=(*chain.mechanism.joints, joint)))
     with pytest.raises(UnsupportedError, match="a link is called 'pin_A'"):
         stp.export(taken, tmp_path / "a.urdf", format="gepetto")
+
+
+def test_a_moving_world_is_refused_by_drake(tmp_path: Path) -> None:
+    text = bundled("four_bar").read_text().replace('"rocker"', '"world"')
+    with pytest.raises(UnsupportedError, match="link 'world' moves"):
+        stp.export(stp.load(write(tmp_path, text)), tmp_path / "a.urdf", format="drake")
+    ground = bundled("four_bar").read_text().replace('"base"', '"world"')
+    chain = stp.load(write(tmp_path, ground))
+    assert_same(chain, again(chain, "drake", tmp_path), "urdf+")
 
 
 @pytest.mark.parametrize("format", ["isaac", "gepetto", "drake"])

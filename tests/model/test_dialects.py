@@ -13,6 +13,7 @@ from lxml import etree
 import stewart_pin as stp
 from stewart_pin.errors import FileFormatError, MechanismError, MissingExtraError, UnsupportedError
 from stewart_pin.model.description import JointKind, Loop
+from stewart_pin.model.formats import dialects as folder
 from stewart_pin.model.formats.dialect import claimed_tags, dialects
 from stewart_pin.model.formats.urdf import read_urdf
 from tests.model.mutations import assert_loads_or_says_why, damaged, hypothesis, quick
@@ -111,6 +112,30 @@ def test_every_dialect_is_reported_with_its_name(tmp_path: Path) -> None:
 
 def loop_named(name: str) -> str:
     return BALL.replace('name="pin"', f'name="{name}"')
+
+
+def test_a_new_file_is_a_new_dialect(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(
+        tmp_path,
+        "from stewart_pin.model.description import JointKind, Loop\n"
+        "from stewart_pin.model.formats.dialect import Dialect, Parts\n"
+        "import pinocchio as pin\n"
+        "def read(reader, element):\n"
+        "    place = pin.SE3(reader.pose(element, 'knot'))\n"
+        "    return Parts(loops=(Loop('knot', JointKind.SPHERICAL, 'platform', 'rocker', place, place),))\n"
+        "DIALECT = Dialect('knots', 'knots', {'robot/knot': read})\n",
+        "knots.py",
+    )
+    monkeypatch.setattr(folder, "__path__", [*folder.__path__, str(tmp_path)])
+    for found in (dialects, claimed_tags):
+        found.cache_clear()
+    try:
+        chain = stp.load(write(tmp_path, square('<knot xyz="1 0 0"/>')))
+    finally:
+        monkeypatch.undo()
+        for found in (dialects, claimed_tags):
+            found.cache_clear()
+    assert str(chain.report) == "kept: read as knots (loop 'knot')" and chain.nc == 3
 
 
 def test_dialects_are_found_and_claim_each_tag_once() -> None:
@@ -340,6 +365,8 @@ def test_side_cars_of_other_kinds_are_refused(tmp_path: Path) -> None:
         stp.load(path, loops=write(tmp_path, "{}", "loops.json"))
     with pytest.raises(FileFormatError, match="no such file"):
         stp.load(path, loops=tmp_path / "none.yaml")
+    with pytest.raises(UnsupportedError, match="side-car files belong to a URDF"):
+        stp.load(write(tmp_path, "<mujoco/>", "a.xml"), loops=write(tmp_path, YAML, "loops.yaml"))
 
 
 def test_yaml_without_pyyaml_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -541,6 +568,41 @@ ALL_AT_ONCE = square(
 )
 
 
+def damaged_yaml():
+    """Return a strategy of a YAML with a hole or a stray word in it."""
+    st = hypothesis.strategies
+    text = YAML.format(kind="3d") + "joint_name: [free1]\njoint_type: [SPHERICAL]\n"
+    words = [
+        "",
+        "[",
+        "]",
+        "'",
+        ":",
+        "mot1",
+        "free2",
+        "*a",
+        "&a ",
+        "\n",
+        "!!python/x ",
+        "\0",
+        "{",
+        "?",
+        "- ",
+        "|",
+        "%",
+        "#",
+    ]
+    step = st.tuples(st.integers(0, len(text)), st.integers(0, 8), st.sampled_from(words))
+
+    def apply(steps: list) -> str:
+        result = text
+        for at, cut, put in steps:
+            result = result[:at] + put + result[at + cut :]
+        return result
+
+    return st.lists(step, min_size=1, max_size=3).map(apply)
+
+
 @quick()
 @hypothesis.given(content=damaged(etree.fromstring(ALL_AT_ONCE)))
 def test_damaged_dialects_load_or_fail_with_our_errors(tmp_path: Path, content: bytes) -> None:
@@ -550,14 +612,18 @@ def test_damaged_dialects_load_or_fail_with_our_errors(tmp_path: Path, content: 
 
 
 @quick()
-@hypothesis.given(data=hypothesis.strategies.data())
-def test_damaged_yaml_loads_or_fails_with_our_errors(tmp_path: Path, data) -> None:
-    st = hypothesis.strategies
-    text = YAML.format(kind="3d") + "joint_name: [free1]\njoint_type: [SPHERICAL]\n"
-    at = data.draw(st.integers(0, len(text)))
-    cut = data.draw(st.integers(0, 8))
-    put = data.draw(
-        st.sampled_from(["", "[", "]", "'", ":", "mot1", "free2", "*a", "&a", "\n", "!!python/x", "\0", "{"])
-    )
+@hypothesis.given(text=damaged_yaml())
+def test_damaged_yaml_loads_or_fails_with_our_errors(tmp_path: Path, text: str) -> None:
     path = write(tmp_path, five_bar(), "robot.urdf")
-    assert_loads_or_says_why(path, loops=write(tmp_path, text[:at] + put + text[at + cut :], "loops.yaml"))
+    assert_loads_or_says_why(path, loops=write(tmp_path, text, "loops.yaml"))
+
+
+@pytest.mark.slow
+@quick(1500)
+@hypothesis.given(content=damaged(etree.fromstring(ALL_AT_ONCE)), text=damaged_yaml())
+def test_many_damaged_files(tmp_path: Path, content: bytes, text: str) -> None:
+    path = tmp_path / "fuzzed.urdf"
+    path.write_bytes(content)
+    assert_loads_or_says_why(path)
+    path = write(tmp_path, five_bar(), "robot.urdf")
+    assert_loads_or_says_why(path, loops=write(tmp_path, text, "loops.yaml"))

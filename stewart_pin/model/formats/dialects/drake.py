@@ -131,7 +131,7 @@ def write_drake(mechanism: Mechanism, path: Path) -> None:
     Raises
     ------
     UnsupportedError
-        If a loop is not spherical, or a coupling is no ``<mimic>``.
+        If a loop is not spherical, a coupling is no ``<mimic>``, or a moving link is called ``world``.
     """
     robot = tree_element(mechanism, {"drake": _NAMESPACE})
     write_mimics(robot, mechanism, "drake")
@@ -140,7 +140,9 @@ def write_drake(mechanism: Mechanism, path: Path) -> None:
             element = next(e for e in robot.iter("joint") if e.get("name") == joint.name)
             element.tag = f"{{{_NAMESPACE}}}joint"
             element.set("type", "ball")
-    if not any(link.name == _WORLD for link in mechanism.links):
+    if mechanism.root != _WORLD and any(link.name == _WORLD for link in mechanism.links):
+        raise UnsupportedError(f"link '{_WORLD}' moves, but Drake calls its world so; rename it")
+    if mechanism.root != _WORLD:
         _fix_to_world(robot, mechanism)
     for loop in mechanism.loops:
         if loop.kind is not JointKind.SPHERICAL:
