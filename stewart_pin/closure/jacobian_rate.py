@@ -1,11 +1,11 @@
-"""How the loop Jacobian changes along a motion, for whatever rows there are, from the bias alone.
+"""How the loop Jacobian changes along a motion, for whatever rows there are, from the derivative of the bias.
 
-The bias is a quadratic form, ``loop_bias(v) = J̇_c(v) v``; its polar form is the symmetric half of ``J̇_c(v) u``. The
-other half is there because tangents of ball joints and free bodies do not commute: with X_v φ = J_c v,
+The bias is a quadratic form, ``loop_bias(v) = J̇_c(v) v``; half its derivative is the symmetric half of ``J̇_c(v) u``.
+The other half is there because tangents of ball joints and free bodies do not commute: with X_v φ = J_c v,
 
     J̇_c(v) u - J̇_c(u) v = X_v X_u φ - X_u X_v φ = J_c [v, u],
 
-the bracket of the joint's group. So a new kind of row needs a bias, and nothing more.
+the bracket of the joint's group.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from stewart_pin.checks import as_array
 from stewart_pin.closure.equations import loop_bias, loop_jacobian
+from stewart_pin.closure.row_derivatives import row_derivatives
 from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
@@ -45,16 +46,12 @@ def loop_jacobian_rate(chain: ClosedChain, q: ArrayLike, v: ArrayLike, motions: 
     """
     q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
     motions = as_array("motions", motions, (chain.nv, None))
-    rate = np.zeros((chain.nc, motions.shape[1]))
-    if not chain.nc:
-        return rate
-    alone = loop_bias(chain, q, v)
-    for k, u in enumerate(motions.T):
-        rate[:, k] = (loop_bias(chain, q, v + u) - alone - loop_bias(chain, q, u)) / 2
-    brackets = (
-        np.stack([tangent_bracket(chain, v, u) for u in motions.T], axis=1) if motions.size else motions
-    )
-    return rate + loop_jacobian(chain, q) @ brackets / 2
+    if not chain.nc or not motions.size:
+        return np.zeros((chain.nc, motions.shape[1]))
+    loop_bias(chain, q, v)  # refuses a distance loop without direction, whose derivatives would be no numbers
+    symmetric = row_derivatives(chain, q, v, np.zeros(chain.nv)).acceleration_v @ motions
+    brackets = np.stack([tangent_bracket(chain, v, u) for u in motions.T], axis=1)
+    return (symmetric + loop_jacobian(chain, q) @ brackets) / 2
 
 
 def tangent_bracket(chain: ClosedChain, v: Tangent, u: Tangent) -> Tangent:

@@ -148,6 +148,8 @@ def test_ends_of_a_rod_that_coincide(rng: np.random.Generator) -> None:
     assert stp.close_loops(chain, q).success
     with pytest.raises(SingularityError, match="ends of the distance loop 'loop' coincide"):
         stp.loop_bias(chain, q, np.ones(chain.nv))
+    with pytest.raises(SingularityError, match="ends of the distance loop 'loop' coincide"):
+        stp.loop_jacobian_rate(chain, q, np.ones(chain.nv), np.eye(chain.nv))
 
 
 @pytest.mark.parametrize(

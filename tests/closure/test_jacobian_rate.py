@@ -36,6 +36,16 @@ def test_mechanisms(build, rng: np.random.Generator) -> None:
     check(build(), rng)
 
 
+def test_it_is_the_polar_form_of_the_bias(rng: np.random.Generator) -> None:
+    """By the bias alone, which knows nothing of derivatives, up to what does not commute."""
+    chain = rotary_hexapod()
+    v, u = rng.normal(size=(2, chain.nv))
+    q, bias = chain.q_home, lambda w: stp.loop_bias(chain, chain.q_home, w)
+    polar = bias(v + u) - bias(v) - bias(u)
+    there = stp.loop_jacobian_rate(chain, q, v, u[:, None]) + stp.loop_jacobian_rate(chain, q, u, v[:, None])
+    close(there[:, 0], polar, 1e-12)
+
+
 def test_shapes() -> None:
     arm, bar = robot("arm_7r"), four_bar()
     assert stp.loop_jacobian_rate(arm, arm.q_home, np.ones(7), np.eye(7)).shape == (0, 7)
