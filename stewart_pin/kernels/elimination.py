@@ -154,6 +154,16 @@ class Elimination:
         for r, c in places:
             self.rows[r].pop(c, None)
 
+    def pivot_expressions(self) -> list[ca.SX]:
+        """List what is divided by.
+
+        Returns
+        -------
+        list of casadi.SX
+            Pivots in their order.
+        """
+        return [self.rows[i][j] for i, j in self.pivots.places]
+
     def forward(self, right: ca.SX) -> ca.SX:
         """Carry right-hand sides through the elimination.
 

@@ -15,6 +15,7 @@ import casadi as ca
 
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.graph import driven_tree, platform_dynamics, platform_kinematics, whole_tree
+from stewart_pin.kernels.graph.conditioning import driven_conditioning, platform_conditioning
 from stewart_pin.kernels.graph.derivatives import dynamics_derivatives
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
@@ -30,6 +31,7 @@ _LEGS: dict[str, Callable[[PlacedPlatform], ca.Function]] = {
     "forward_dynamics": platform_dynamics.forward_dynamics_function,
     "inverse_kinematics": platform_kinematics.inverse_kinematics_function,
     "motor_jacobian": platform_kinematics.motor_jacobian_function,
+    "conditioning": platform_conditioning,
     "forward_kinematics_step": platform_kinematics.newton_step_function,
 }
 _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
@@ -38,6 +40,7 @@ _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
     "reactions": driven_tree.driven_reactions,
     "regressor": driven_regressor,
     "motor_jacobian": driven_tree.driven_motor_jacobian,
+    "conditioning": driven_conditioning,
     "closing_step": driven_tree.closing_step_function,
 }
 _TREE: dict[str, Callable[[ClosedTree], ca.Function]] = {

@@ -22,6 +22,7 @@ from stewart_pin.kernels.configurations import (
 from stewart_pin.kernels.newton import Solved, damped_newton
 from stewart_pin.kernels.report import KernelReport, count_operations
 from stewart_pin.kernels.status import StateBound, StateStatus
+from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:
@@ -58,6 +59,10 @@ class Kernels:
         numpy.float64 or numpy.float32.
     engine
         ``"llvm"``, ``"numpy"`` or None.
+
+    Notes
+    -----
+    Pickles as the chain, and is written and compiled again where it is loaded.
     """
 
     def __init__(self, functions: FunctionSet, dtype: DTypeLike, engine: Engine | None) -> None:
@@ -70,6 +75,9 @@ class Kernels:
         self._feasible = _FEASIBLE if np.dtype(dtype) == np.float64 else _FEASIBLE_SINGLE
         self._written: dict[str, Any] = {}
         self._kernels: dict[str, ArrayKernel] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rebuilt, (self.chain, self.coordinates, self._options["dtype"], self._options["engine"])
 
     @property
     def report(self) -> KernelReport:
@@ -343,6 +351,28 @@ class Kernels:
         self._require_platform("motor_jacobian")
         return self._call("motor_jacobian", (pose,), status, threads)
 
+    def conditioning(
+        self, pose: ArrayLike, *, status: np.ndarray | None = None, threads: int = 1
+    ) -> FloatArray:
+        """Tell how near states are to a singularity, by the smallest pivot that the kernels divide by.
+
+        Parameters
+        ----------
+        pose
+            Position in platform or motor coordinates, see the table above [m, rad, unit quaternions].
+        status
+            (N,) int8 array for the codes of the states, dimensionless.
+        threads
+            Number of threads.
+
+        Returns
+        -------
+        numpy.ndarray
+            (N, 1) each pivot relative to its median over samples around home, dimensionless: near one where the robot
+            is as regular as there, near zero at a singularity, where efforts or accelerations lose their digits.
+        """
+        return self._call("conditioning", (pose,), status, threads)
+
     def forward_kinematics(
         self,
         q_motor: ArrayLike,
@@ -438,6 +468,12 @@ class Kernels:
             function, bounds = _with_judges(self.casadi(name), self._feasible)
             self._kernels[name] = compile_function(function, bounds=bounds, **self._options)
         return self._kernels[name]
+
+
+def _rebuilt(chain: ClosedChain, coordinates: Any, dtype: DTypeLike, engine: Engine | None) -> Kernels:
+    from stewart_pin.kernels.function_set import FunctionSet  # noqa: PLC0415 - needs CasADi
+
+    return Kernels(FunctionSet(chain, coordinates), dtype, engine)
 
 
 def _with_judges(function: Any, feasible: float) -> tuple[Any, list[StateBound]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import sys
 from functools import cache
 
@@ -204,6 +205,17 @@ def test_single_precision(name: str, rng: np.random.Generator) -> None:
     close(single.forward_kinematics(q_motor, pose[0]), many.forward_kinematics(q_motor, pose[0]), 1e-4)
     expected = many.inverse_dynamics(pose, twist, acceleration)
     close(single.inverse_dynamics(pose, twist, acceleration), expected, 1e-4)
+
+
+def test_pickled_kernels_answer_the_same(rng: np.random.Generator) -> None:
+    many = kernels("four_bar")
+    _, (pose, twist, acceleration, _) = platform_states(many, rng, 2)
+    again = pickle.loads(pickle.dumps(many))
+    close(
+        again.inverse_dynamics(pose, twist, acceleration),
+        many.inverse_dynamics(pose, twist, acceleration),
+        1e-13,
+    )
 
 
 def test_wrong_options() -> None:

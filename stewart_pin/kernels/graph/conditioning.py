@@ -1,0 +1,76 @@
+"""How near a state is to a singularity, by the pivots that the kernels divide by."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+
+from stewart_pin.kernels.elimination import Elimination, plan_pivots
+from stewart_pin.kernels.graph.driven_tree import DrivenTree
+from stewart_pin.kernels.graph.functions import shared
+from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
+from stewart_pin.kernels.graph.whole_tree import motor_columns as tree_motor_columns
+from stewart_pin.typing import FloatArray
+
+
+def platform_conditioning(placed: PlacedPlatform) -> ca.Function:
+    """Write the conditioning of a pose.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+
+    Returns
+    -------
+    casadi.Function
+        ``pose -> conditioning``, (7, 1) to (1, 1): the smallest pivot, each relative to its median over samples. Near
+        one where the robot is as regular as around home, near zero at a singularity of a leg or of the platform.
+    """
+    pivots = [pivot for leg in placed.legs for pivot in leg.reduced.pivot_expressions()]
+    share = placed.project(motor_columns(placed))
+    pivots += _pivots_of(share, placed.values, placed.twist_scale)
+    return shared("conditioning", {"pose": placed.pose}, {"conditioning": _smallest(pivots, placed.values)})
+
+
+def driven_conditioning(driven: DrivenTree) -> ca.Function:
+    """Write the conditioning of a configuration.
+
+    Parameters
+    ----------
+    driven
+        The chain.
+
+    Returns
+    -------
+    casadi.Function
+        ``q -> conditioning``, (nq, 1) to (1, 1), as `platform_conditioning`, for what drives and for the motors.
+    """
+    closed = driven.closed
+    pivots = [*driven.reduced.pivot_expressions(), *closed.reduced.pivot_expressions()]
+    share = closed.motions.T @ tree_motor_columns(closed.tree)
+    pivots += _pivots_of(share, closed.values, closed.motion_scale)
+    return shared("conditioning", {"q": closed.q}, {"conditioning": _smallest(pivots, closed.values)})
+
+
+def _pivots_of(share: ca.SX, values: Callable[[ca.SX], FloatArray], scale: FloatArray) -> list[ca.SX]:
+    """Pivots of the motors' share, or of its square where motors are redundant."""
+    if share.shape[0] < share.shape[1]:
+        share = share @ share.T
+        sampled = values(share) * scale[:, None] * scale
+    else:
+        sampled = values(share) * scale[:, None]
+    return Elimination(share, plan_pivots(sampled, list(range(share.shape[1])))).pivot_expressions()
+
+
+def _smallest(pivots: list[ca.SX], values: Callable[[ca.SX], FloatArray]) -> ca.SX:
+    usual = np.median(np.abs(values(ca.vertcat(*pivots))), axis=0).ravel()
+    ratios = [
+        ca.fabs(pivot) / float(size)
+        for pivot, size in zip(pivots, usual, strict=True)
+        if not pivot.is_constant()
+    ]
+    return functools.reduce(ca.fmin, ratios) if ratios else ca.SX(1)
