@@ -27,6 +27,7 @@ from stewart_pin.building.hexapod_table import read_hexapod as read_hexapod
 from stewart_pin.building.loading import load as load
 from stewart_pin.building.locking import lock_joints as lock_joints
 from stewart_pin.building.loops_by_balls import loops_by_balls as loops_by_balls
+from stewart_pin.building.planar_legs import planar_rpr as planar_rpr
 from stewart_pin.building.resources import robots as robots
 from stewart_pin.building.roles import with_motors as with_motors
 from stewart_pin.building.roles import with_platform as with_platform

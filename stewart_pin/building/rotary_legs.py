@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.building.body_graph import BodyGraph, Edge
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.rotary import RotaryLegs
 from stewart_pin.model.chain import ClosedChain
-from stewart_pin.model.description import Joint, JointKind, Loop
-from stewart_pin.model.tree import link_frame
+from stewart_pin.model.description import JointKind
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9
 """How far axes may miss a common point, in robot sizes: files print ten digits."""
 _FREEDOMS = {JointKind.REVOLUTE: 1, JointKind.UNIVERSAL: 2, JointKind.SPHERICAL: 3}
-
-
-@dataclass(frozen=True, eq=False)
-class _Edge:
-    """A connection of two links at home, in the world: its point, and its axis where it has only one."""
-
-    name: str
-    kind: JointKind
-    links: tuple[str, str]
-    point: FloatArray
-    axis: FloatArray
 
 
 def rotary_legs(chain: ClosedChain) -> RotaryLegs:
@@ -75,35 +62,20 @@ class _Reader:
     def __init__(self, chain: ClosedChain) -> None:
         self.chain = chain
         self.slack = _ROUND_OFF * chain.length_scale
-        data = pin.Data(chain.model)
-        pin.framesForwardKinematics(chain.model, data, chain.q_home)
-        self.frames = {
-            link.name: data.oMf[link_frame(chain.model, link.name)] for link in chain.mechanism.links
-        }
-        # Links that fixed joints hold together are one body, called by one of them.
-        self.body = {link.name: link.name for link in chain.mechanism.links}
-        edges = [self._edge(part, part.parent, part.child, part.placement) for part in chain.mechanism.joints]
-        edges += [self._edge(part, part.link1, part.link2, part.placement1) for part in chain.loops]
-        for edge in edges:
-            if edge.kind is JointKind.FIXED:
-                one, other = (self.body[link] for link in edge.links)
-                self.body = {link: one if body == other else body for link, body in self.body.items()}
-        self.edges = [edge for edge in edges if edge.kind not in (JointKind.FIXED, JointKind.FLOATING)]
-        self.ground, self.platform = self.body[chain.mechanism.root], self.body[chain.platform]
-        self._drop_dead_ends()
+        self.graph = BodyGraph(chain)
 
     def leg(self, motor: str, position: float) -> tuple[FloatArray, ...]:
         """Fields of `RotaryLegs` for one motor."""
         joint = self.chain.mechanism.joint(motor)
-        edge = next((edge for edge in self.edges if edge.name == motor), None)
+        edge = self.graph.edge(motor)
         if joint.kind is not JointKind.REVOLUTE:
             raise _no_leg(motor, f"it is {joint.kind}, not revolute")
         if edge is None:
             raise _no_leg(motor, "nothing leads on from its crank")
-        if self.body[joint.parent] != self.ground:
+        if self.graph.body[joint.parent] != self.graph.ground:
             raise _no_leg(motor, f"its axis stands on link '{joint.parent}', not on the ground")
-        crank = self.body[joint.child]
-        rods = [self._rod(motor, first, crank) for first in self._onward(crank, edge)]
+        crank = self.graph.body[joint.child]
+        rods = [self._rod(motor, first, crank) for first in self.graph.onward(crank, edge)]
         if not 1 <= len(rods) <= 2:
             raise _no_leg(motor, f"{len(rods)} rods lead on from its crank")
         tip, head = np.mean(rods, axis=0)
@@ -115,18 +87,18 @@ class _Reader:
         if radius <= self.slack:
             raise _no_leg(motor, "its crank has no length")
         zero = pin.exp3(-position * edge.axis) @ (tip - centre)
-        there = self.frames[self.chain.platform].actInv(head)
+        there = self.graph.frames[self.chain.platform].actInv(head)
         return centre, edge.axis, zero, there, np.array(radius), np.array(lengths[0])
 
-    def _rod(self, motor: str, first: _Edge, crank: str) -> tuple[FloatArray, FloatArray]:
+    def _rod(self, motor: str, first: Edge, crank: str) -> tuple[FloatArray, FloatArray]:
         """Walk from a crank to the platform: the points about which the joints at either end turn."""
-        path, body = [first], self._across(first, crank)
-        while body != self.platform:
-            onward = self._onward(body, path[-1])
-            if body == self.ground or len(onward) != 1 or len(path) > len(self.edges):
+        path, body = [first], self.graph.across(first, crank)
+        while body != self.graph.platform:
+            onward = self.graph.onward(body, path[-1])
+            if body == self.graph.ground or len(onward) != 1 or len(path) > len(self.graph.edges):
                 raise _no_leg(motor, f"{len(onward)} ways lead on from link '{body}', none to the platform")
             path.append(onward[0])
-            body = self._across(onward[0], body)
+            body = self.graph.across(onward[0], body)
         strange = next((edge for edge in path if edge.kind not in _FREEDOMS), None)
         if strange is not None:
             raise _no_leg(motor, f"'{strange.name}' in its rod is {strange.kind}")
@@ -137,7 +109,7 @@ class _Reader:
             raise _no_leg(motor, "its rod has not five or six joint axes, about one point at either end")
         return start, end
 
-    def _common_point(self, path: list[_Edge]) -> tuple[FloatArray | None, int]:
+    def _common_point(self, path: list[Edge]) -> tuple[FloatArray | None, int]:
         """Find the point through which the first axes of a path all pass, and how many do."""
         for count in range(len(path), 0, -1):
             # Nearest point to points and lines: each asks for P (x - point) = 0, with P across the line.
@@ -153,28 +125,6 @@ class _Reader:
             if rank == 3 and np.abs(system @ point - right).max() <= self.slack:
                 return point, count
         return None, 0
-
-    def _drop_dead_ends(self) -> None:
-        """Forget bodies that hang on one joint, such as counterweights."""
-        while True:
-            ends = [self.body[link] for edge in self.edges for link in edge.links]
-            loose = {body for body in ends if ends.count(body) == 1} - {self.ground, self.platform}
-            if not loose:
-                return
-            self.edges = [edge for edge in self.edges if not loose & {self.body[link] for link in edge.links}]
-
-    def _onward(self, body: str, behind: _Edge) -> list[_Edge]:
-        return [e for e in self.edges if e is not behind and body in {self.body[link] for link in e.links}]
-
-    def _across(self, edge: _Edge, body: str) -> str:
-        one, other = (self.body[link] for link in edge.links)
-        return other if one == body else one
-
-    def _edge(self, part: Joint | Loop, link1: str, link2: str, placement: pin.SE3) -> _Edge:
-        frame = self.frames[link1] * placement
-        return _Edge(
-            part.name, part.kind, (link1, link2), np.array(frame.translation), frame.rotation @ part.axis
-        )
 
 
 def _no_leg(motor: str, reason: str) -> UnsupportedError:

@@ -12,6 +12,7 @@ from rich.table import Table
 from stewart_pin.analysis.assembly_modes.description import describe_modes
 from stewart_pin.analysis.assembly_modes.solver import assembly_modes
 from stewart_pin.building.loading import load
+from stewart_pin.building.planar_legs import planar_rpr
 from stewart_pin.cli.output import console, parse_numbers, write_json
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod
@@ -19,13 +20,14 @@ from stewart_pin.geometry.planar import PlanarRPR
 from stewart_pin.geometry.planar_modes import planar_assembly_modes
 from stewart_pin.geometry.rotations import rpy_from_rotation
 from stewart_pin.mechanics.kinematics import motor_positions
+from stewart_pin.model.chain import ClosedChain
 from stewart_pin.viz.assembly_modes import plot_assembly_modes
 from stewart_pin.viz.figures import save_figure
 from stewart_pin.viz.planar import plot_poses
 
 
 def modes(
-    robot: Annotated[str, typer.Argument(help="Bundled six-legged robot or file.")] = "stewart",
+    robot: Annotated[str, typer.Argument(help="Six-legged or planar robot, bundled or a file.")] = "stewart",
     lengths: Annotated[
         str | None, typer.Option(help="Leg lengths l1,...,l6 (or l1,l2,l3) [m]; default: home.")
     ] = None,
@@ -36,18 +38,25 @@ def modes(
     plot: Annotated[Path | None, typer.Option(help="Picture of all poses side by side.")] = None,
 ) -> None:
     """Find every pose in which a platform can be assembled for given leg lengths."""
-    if planar is None:
-        figures, picture = _spatial(robot, lengths)
+    if planar is not None:
+        if lengths is None:
+            raise InputError("--planar needs --lengths l1,l2,l3")
+        sides = parse_numbers("--planar", planar, 7)
+        platform, legs = PlanarRPR.from_sides(*sides), parse_numbers("--lengths", lengths, 3)
+        figures, picture = _planar({"planar": list(sides)}, platform, legs)
+    elif (chain := load(robot)).nu == 3:
+        platform, home = planar_rpr(chain), motor_positions(chain, chain.q_home).tolist()
+        legs = tuple(home) if lengths is None else parse_numbers("--lengths", lengths, 3)
+        figures, picture = _planar({"robot": chain.name}, platform, legs)
     else:
-        figures, picture = _planar(planar, lengths)
+        figures, picture = _spatial(chain, lengths)
     if plot is not None and figures["modes"]:
         save_figure(picture(), plot)
         console.print(f"poses drawn in {plot}", highlight=False, soft_wrap=True)
     write_json(json, figures)
 
 
-def _spatial(robot: str, lengths: str | None) -> tuple[dict[str, Any], Any]:
-    chain = load(robot)
+def _spatial(chain: ClosedChain, lengths: str | None) -> tuple[dict[str, Any], Any]:
     hexapod = Hexapod.from_chain(chain)
     home = motor_positions(chain, chain.q_home)
     legs = home if lengths is None else np.array(parse_numbers("--lengths", lengths, 6))
@@ -110,12 +119,9 @@ def _stroke(chain: Any) -> tuple[float, float] | None:
     return only if only is not None and np.isfinite(only).all() else None
 
 
-def _planar(parameters: str, lengths: str | None) -> tuple[dict[str, Any], Any]:
-    if lengths is None:
-        raise InputError("--planar needs --lengths l1,l2,l3")
-    sides = parse_numbers("--planar", parameters, 7)
-    platform = PlanarRPR.from_sides(*sides)
-    legs = parse_numbers("--lengths", lengths, 3)
+def _planar(
+    subject: dict[str, Any], platform: PlanarRPR, legs: tuple[float, ...]
+) -> tuple[dict[str, Any], Any]:
     found = planar_assembly_modes(platform, legs)
     rows = [
         {
@@ -135,5 +141,5 @@ def _planar(parameters: str, lengths: str | None) -> tuple[dict[str, Any], Any]:
         table.add_row(str(number), place, angle, residual, str(row["multiplicity"]))
     table.caption = f"{found.kind}{': ' + found.motion if found.motion else ''}"
     console.print(table)
-    figures = {"planar": list(sides), "lengths": list(legs), "kind": found.kind, "modes": rows}
+    figures = subject | {"lengths": list(legs), "kind": found.kind, "modes": rows}
     return figures, lambda: plot_poses(platform, legs)

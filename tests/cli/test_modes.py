@@ -37,6 +37,21 @@ def test_planar_modes_of_the_source(tmp_path: Path) -> None:
     assert angles == pytest.approx(expected, abs=1e-14)
 
 
+def test_planar_modes_of_a_robot(tmp_path: Path) -> None:
+    # S1.4 and S1.5: the bundled robot at home, and with another second leg.
+    figures, plot = tmp_path / "modes.json", tmp_path / "modes.png"
+    assert run("modes", "rpr_planar", "--json", str(figures), "--plot", str(plot)).returncode == 0
+    written = json.loads(figures.read_text())
+    assert written["robot"] == "rpr_planar" and plot.read_bytes().startswith(b"\x89PNG")
+    expected = [-0.720849204460390, -0.331005184283869, 1.143685517821374, 2.115909014086458]
+    assert [mode["angle"] for mode in written["modes"]] == pytest.approx(expected, abs=1e-12)
+    assert run("modes", "rpr_planar", "--lengths", "5,7,3", "--json", str(figures)).returncode == 0
+    expected = [-0.673157, -0.354740, 0.037767, 0.458878, 0.977673, 2.513853]
+    assert [mode["angle"] for mode in json.loads(figures.read_text())["modes"]] == pytest.approx(
+        expected, abs=1e-6
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -44,6 +59,7 @@ def test_planar_modes_of_the_source(tmp_path: Path) -> None:
         (("--planar", "1,2,3", "--lengths", "1"), "--planar must be one number or 7"),
         (("--lengths", "1,2"), "--lengths must be one number or 6"),
         (("arm_7r",), "leg"),
+        (("delta",), "motor 'motor1' does not drive a leg of a planar 3-RPR platform: it is revolute"),
     ],
 )
 def test_bad_modes_end_in_one_line(arguments, words) -> None:

@@ -1,0 +1,136 @@
+"""Which bodies a chain connects by which joints at home, seen from the world, for readers of closed-form geometry."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.description import Joint, JointKind, Loop
+from stewart_pin.model.tree import link_frame
+from stewart_pin.typing import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Edge:
+    """A joint or loop between two links, as it stands at home.
+
+    Attributes
+    ----------
+    name
+        Name of the joint or loop.
+    kind
+        Its kind.
+    links
+        Names of the two links.
+    point
+        (3,) origin of its frame, in the world [m].
+    axis
+        (3,) unit vector of its axis, in the world frame, where its kind has one.
+    """
+
+    name: str
+    kind: JointKind
+    links: tuple[str, str]
+    point: FloatArray
+    axis: FloatArray
+
+
+class BodyGraph:
+    """Bodies and the joints and loops between them, without what hangs on one joint only.
+
+    Links that fixed joints hold together are one body, called by one of its links.
+
+    Parameters
+    ----------
+    chain
+        Closed chain, its home closed.
+    """
+
+    def __init__(self, chain: ClosedChain) -> None:
+        data = pin.Data(chain.model)
+        pin.framesForwardKinematics(chain.model, data, chain.q_home)
+        links = [link.name for link in chain.mechanism.links]
+        self.frames = {link: data.oMf[link_frame(chain.model, link)] for link in links}
+        self.body = {link: link for link in links}
+        edges = [self._edge(part, part.parent, part.child, part.placement) for part in chain.mechanism.joints]
+        edges += [self._edge(part, part.link1, part.link2, part.placement1) for part in chain.loops]
+        for edge in edges:
+            if edge.kind is JointKind.FIXED:
+                one, other = (self.body[link] for link in edge.links)
+                self.body = {link: one if body == other else body for link, body in self.body.items()}
+        # A floating joint holds nothing together.
+        self.edges = [edge for edge in edges if edge.kind not in (JointKind.FIXED, JointKind.FLOATING)]
+        self.ground, self.platform = self.body[chain.mechanism.root], self.body[chain.platform]
+        self._drop_dead_ends()
+
+    def edge(self, name: str) -> Edge | None:
+        """Find a joint or loop.
+
+        Parameters
+        ----------
+        name
+            Its name.
+
+        Returns
+        -------
+        Edge or None
+            The joint or loop, unless it leads nowhere.
+        """
+        return next((edge for edge in self.edges if edge.name == name), None)
+
+    def onward(self, body: str, behind: Edge) -> list[Edge]:
+        """List the ways that lead on from a body.
+
+        Parameters
+        ----------
+        body
+            Name of the body.
+        behind
+            Where one came from.
+
+        Returns
+        -------
+        list of Edge
+            All other joints and loops of the body.
+        """
+        return [
+            edge
+            for edge in self.edges
+            if edge is not behind and body in {self.body[link] for link in edge.links}
+        ]
+
+    def across(self, edge: Edge, body: str) -> str:
+        """Name the body at the other end.
+
+        Parameters
+        ----------
+        edge
+            Joint or loop.
+        body
+            Body at one end.
+
+        Returns
+        -------
+        str
+            The other body.
+        """
+        one, other = (self.body[link] for link in edge.links)
+        return other if one == body else one
+
+    def _drop_dead_ends(self) -> None:
+        """Forget bodies that hang on one joint, such as counterweights."""
+        while True:
+            ends = [self.body[link] for edge in self.edges for link in edge.links]
+            loose = {body for body in ends if ends.count(body) == 1} - {self.ground, self.platform}
+            if not loose:
+                return
+            self.edges = [edge for edge in self.edges if not loose & {self.body[link] for link in edge.links}]
+
+    def _edge(self, part: Joint | Loop, link1: str, link2: str, placement: pin.SE3) -> Edge:
+        frame = self.frames[link1] * placement
+        return Edge(
+            part.name, part.kind, (link1, link2), np.array(frame.translation), frame.rotation @ part.axis
+        )
