@@ -75,9 +75,10 @@ def classify(target: StudyPlatform, tracked: Tracked) -> Endpoints:
     norm = relative_norm(x)
     regular, infinite = arrived & (norm > _SMALL_NORM), tracked.infinite.copy()
     small = np.flatnonzero(arrived & ~regular)
-    change = norm_change(target, x[small])
-    change[_ranks(target, x[small]) < 7] = np.inf
-    regular[small], infinite[small] = change < _SETTLED, change > _UNSETTLED
+    if small.size:
+        change = norm_change(target, x[small])
+        change[_ranks(target, x[small]) < 7] = np.inf
+        regular[small], infinite[small] = change < _SETTLED, change > _UNSETTLED
     singular, ends = np.zeros(len(x), dtype=bool), x.copy()
     for i in np.flatnonzero(~arrived & ~infinite & (tracked.tau < _NEAR) & (norm > _SMALL_NORM)):
         ends[i], singular[i] = _settle(target, x[i].astype(complex))

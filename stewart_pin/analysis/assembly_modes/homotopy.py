@@ -277,8 +277,10 @@ def _step(
     last, before = (_size(series[j], x) + tiny for j in (order, order - 1))
     growth = last / before
     ratio = _ratio(series[order], series[order - 1], x, before)
-    near, converged = relative_norm(x) < NEAR, last * tau**order < CONVERGED
-    state["infinite"] = near & converged & foresees_infinity(x, _summed(series, ratio, tau))
+    infinite = (relative_norm(x) < NEAR) & (last * tau**order < CONVERGED)
+    if infinite.any():
+        infinite &= foresees_infinity(x, _summed(series, ratio, tau))
+    state["infinite"] = infinite
     aim = np.minimum(settings.largest_error, settings.contraction / state["curvature"])
     length = (aim / (state["scale"] * last * growth)) ** (1.0 / (order + 1))
     length = np.minimum(np.minimum(length, settings.reach / growth), state["cap"])
@@ -307,7 +309,9 @@ def _step(
     state["cap"] = np.where(good, 1.0, np.where(learns, 0.4 * length, SHARE * tau))
     state["wait"] = np.where(learns, state["wait"] - good, state["backoff"])
     state["backoff"] = np.where(learns, state["backoff"], 2.0 * state["backoff"])
-    lost = learns & ~good & (tau < LOST[0]) & (length < LOST[1] * tau) & (relative_norm(x) < CLOSE[0])
+    lost = learns & ~good & (tau < LOST[0]) & (length < LOST[1] * tau)
+    if lost.any():
+        lost &= relative_norm(x) < CLOSE[0]
     return y, tau_new, good, lost
 
 
