@@ -39,8 +39,6 @@ def inspect(
     table.add_row(
         "loops", "\n".join(f"{x.name}: {x.kind}, {x.link1} to {x.link2}" for x in chain.loops) or "none"
     )
-    if chain.couplings:
-        table.add_row("couplings", "\n".join(x.name for x in chain.couplings))
     couplings = [f"{x.name}: {x.joint1} follows {x.joint2 or 'none'}" for x in chain.couplings]
     table.add_row("couplings", "\n".join(couplings) or "none")
     table.add_row("degrees of freedom", f"{report.dof}, {_seen(report)}")
