@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -44,10 +45,15 @@ def case(request: pytest.FixtureRequest, chain: stp.ClosedChain, rng: np.random.
     return Case(chain, q, *random_motion(chain, rng, q), request.param)
 
 
+@cache
+def _motors_sufficient(chain: stp.ClosedChain) -> bool:
+    return stp.mobility(chain).motors_sufficient
+
+
 @pytest.fixture
 def held(case: Case) -> Case:
     """Return the case, if the robot's motors can hold it: the others have no inverse dynamics."""
-    if not stp.mobility(case.chain).motors_sufficient:
+    if not _motors_sufficient(case.chain):
         pytest.skip(f"the motors of {case.chain.name} do not hold it")
     return case
 
