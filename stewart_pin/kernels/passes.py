@@ -31,7 +31,8 @@ def rewrite(program: Program, rule: Callable[[ProgramBuilder, Instruction, int],
     """
     builder, new = ProgramBuilder(program), []
     for k, instruction in enumerate(program.instructions):
-        moved = instruction._replace(args=tuple(new[a] for a in instruction.args))
+        args = instruction.args
+        moved = Instruction(instruction.kind, tuple([new[a] for a in args])) if args else instruction
         new.append(rule(builder, moved, k))
     return builder.finish(tuple(new[k] for k in entries) for entries in program.results)
 
@@ -57,13 +58,13 @@ def drop_dead(program: Program) -> Program:
         if alive[k]:
             for a in program.instructions[k].args:
                 alive[a] = True
-    new = np.cumsum(alive) - 1
+    new = (np.cumsum(alive) - 1).tolist()
     kept = tuple(
-        i._replace(args=tuple(int(new[a]) for a in i.args))
+        Instruction(i.kind, tuple([new[a] for a in i.args])) if i.args else i
         for i, keep in zip(program.instructions, alive, strict=True)
         if keep
     )
-    results = tuple(tuple(int(new[k]) for k in entries) for entries in program.results)
+    results = tuple(tuple(new[k] for k in entries) for entries in program.results)
     return Program(program.name, program.inputs, program.outputs, kept, results)
 
 
