@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.model.description import JointKind
+from stewart_pin.model.formats.mjcf.compiling import compile_mjcf
 from stewart_pin.model.tree import link_frame
 from tests.model.small_mjcf import QPOS, WORKSHOP, write
 from tests.oracles.test_mujoco import same_row_space
@@ -306,6 +308,46 @@ def test_motor_efforts(rng: np.random.Generator, closed_states, project, tmp_pat
         assert np.abs(theirs - ours.tau_motor).max() <= 1e-9 * np.abs(ours.tau_motor).max()
         proof = stp.inverse_dynamics(chain, state.q, state.v, state.a, method="constraint_matrix")
         assert np.abs(proof.tau_motor - ours.tau_motor).max() <= 1e-10 * np.abs(ours.tau_motor).max()
+
+
+WEIGHTS = """
+<mujoco>
+  <compiler {}/>
+  <asset><mesh name="m" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/></asset>
+  <worldbody>
+    <geom type="mesh" mesh="m"/>
+    <body name="still" pos="0 1 0"><geom size="0.3"/></body>
+    <body name="heavy"><joint/><geom type="mesh" mesh="m" group="1"/><geom type="mesh" mesh="m" mass="0"/></body>
+    <body name="told"><joint/><inertial pos="0 0 0" mass="3" diaginertia="1 1 1"/><geom type="mesh" mesh="m"/></body>
+    <body name="free"><freejoint/><geom type="mesh" mesh="m" density="3" group="2"/><geom type="mesh" mesh="m"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        "",
+        'inertiafromgeom="true"',
+        'inertiagrouprange="1 2"',
+        'settotalmass="10"',
+        'boundmass="4"',
+        'fusestatic="true"',
+        'discardvisual="true"',
+        'alignfree="true"',
+    ],
+)
+def test_shapes_that_are_taken_away_have_no_weight(option: str, tmp_path: Path) -> None:
+    """Meshes that no inertia depends on are not opened; whatever the compiler's options, the bodies stay the same."""
+    path = write(tmp_path, WEIGHTS.format(option))
+    ours, told = compile_mjcf(path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        theirs = mujoco.MjSpec.from_file(str(path)).compile()
+    for array in ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_pos", "body_quat"):
+        np.testing.assert_array_equal(getattr(ours, array), getattr(theirs, array))
+    assert any("settotalmass" in text for text in told) == ("settotalmass" in option)
 
 
 def test_the_model_that_comes_with_mujoco(rng: np.random.Generator) -> None:
