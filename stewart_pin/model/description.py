@@ -240,6 +240,9 @@ class Mechanism:
         What the reader kept, changed or ignored.
     gravity
         (3,) acceleration of free fall that the file states [m/s²], or None where it states none.
+    odd_inertias
+        Links whose inertia no real body has, one principal moment being above the sum of the others, and which are kept
+        as the file has them; elsewhere such an inertia is an error.
     assembled
         Whether the file places the links themselves, so that its home closes every loop, whatever the limits say.
     """
@@ -255,6 +258,7 @@ class Mechanism:
     source: str = ""
     notes: tuple[Note, ...] = ()
     gravity: tuple[float, float, float] | None = None
+    odd_inertias: frozenset[str] = frozenset()
     assembled: bool = False
 
     @property

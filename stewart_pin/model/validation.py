@@ -81,7 +81,9 @@ class _Validator:
             raise self._error(
                 link.name, f"link '{link.name}' has the negative mass {mass:g} kg; masses are >= 0"
             )
-        problem = inertia_problem(inertia)
+        problem = negative_moment(inertia)
+        if problem is None and link.name not in self.mechanism.odd_inertias:
+            problem = broken_triangle(inertia)
         if problem:
             raise self._error(link.name, f"link '{link.name}': {problem}")
         if mass == 0 and np.abs(inertia).max() > 0:
@@ -218,8 +220,27 @@ class _Validator:
                 )
 
 
-def inertia_problem(inertia: np.ndarray) -> str | None:
-    """Say what is unphysical about a rotational inertia.
+def negative_moment(inertia: np.ndarray) -> str | None:
+    """Say that a rotational inertia has a negative moment: motion would give energy for nothing.
+
+    Parameters
+    ----------
+    inertia
+        (3, 3) about the centre of mass [kg m²].
+
+    Returns
+    -------
+    str or None
+        The reason, or None.
+    """
+    moments = np.linalg.eigvalsh(inertia)
+    if moments[0] < -_ROUND_OFF * np.abs(moments).sum():
+        return f"the inertia has the negative principal moment {moments[0]:g} kg m²"
+    return None
+
+
+def broken_triangle(inertia: np.ndarray) -> str | None:
+    """Say that no real body has a rotational inertia, although equations of motion can be solved with it.
 
     Parameters
     ----------
@@ -232,10 +253,7 @@ def inertia_problem(inertia: np.ndarray) -> str | None:
         The reason, or None for the inertia of a real body.
     """
     moments = np.linalg.eigvalsh(inertia)
-    slack = _ROUND_OFF * np.abs(moments).sum()
-    if moments[0] < -slack:
-        return f"the inertia has the negative principal moment {moments[0]:g} kg m²"
-    if moments[2] > moments[0] + moments[1] + slack:
+    if moments[2] > moments[0] + moments[1] + _ROUND_OFF * np.abs(moments).sum():
         return (
             f"the principal moments {moments[0]:g}, {moments[1]:g}, {moments[2]:g} kg m² break the triangle "
             "inequality: no body has one moment larger than the sum of the other two"

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.errors import ActuationError, MechanismError
+from stewart_pin.errors import ActuationError
 from stewart_pin.model.description import JointKind
 from tests.building import cassie
 from tests.closed_states import random_configuration, random_motion
@@ -115,11 +115,13 @@ def test_a_tilt_of_rounding_holds_the_right_foot_of_v2(tmp_path) -> None:
     assert sizes["right"][0] > 1e-11 or sizes["right"][1] > -0.5
 
 
-def test_the_unphysical_rotor_is_named(tmp_path) -> None:
+def test_the_unphysical_rotor_is_named() -> None:
+    """The file as it is shipped: its rotor is kept, as simulators keep it, and the report says what is odd about it."""
     root = cassie.folder()
     assert root is not None
-    with pytest.raises(MechanismError, match=r"link 'left-foot-reference'.*triangle inequality"):
-        stp.load(root / "robots" / "cassie.sdf", motors=cassie.motors("cassie"), platform="pelvis")
+    chain = stp.load(root / "robots" / "cassie.sdf", motors=cassie.motors("cassie"), platform="pelvis")
+    assert "link 'left-foot-reference'" in str(chain.report) and "triangle inequality" in str(chain.report)
+    assert np.abs(stp.loop_gap(chain, chain.q_home)).max() < 1e-12
 
 
 def test_a_free_base_is_held_by_no_motor(tmp_path) -> None:

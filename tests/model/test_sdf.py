@@ -626,10 +626,16 @@ def test_what_is_not_understood_is_refused_in_words(tmp_path: Path, text: str, w
     assert str(tmp_path) in str(caught.value)
 
 
-def test_unphysical_inertia_is_refused(tmp_path: Path) -> None:
+def test_inertia_of_no_real_body_is_kept_aloud(tmp_path: Path) -> None:
+    """Simulators take it, so that who compares with them needs it; a negative moment nobody takes."""
     heavy = BODY.replace("<izz>0.7</izz>", "<izz>7</izz>")
-    with pytest.raises(MechanismError, match=r"link 'a'.*triangle inequality"):
-        stp.load(write(tmp_path, sdf(link("a", content=heavy), joint("j", "world", "a"))))
+    text = sdf(link("a", content=heavy), joint("j", "world", "a"))
+    chain = stp.load(write(tmp_path, text), motors=["j"], platform="a")
+    assert "link 'a'" in str(chain.report) and "triangle inequality" in str(chain.report)
+    assert np.linalg.eigvalsh(chain.mechanism.link("a").inertia.inertia)[-1] > 6.5
+    negative = BODY.replace("<izz>0.7</izz>", "<izz>-7</izz>")
+    with pytest.raises(MechanismError, match=r"link 'a'.*negative principal moment"):
+        stp.load(write(tmp_path, sdf(link("a", content=negative), joint("j", "world", "a"))), motors=["j"])
 
 
 def test_long_chains_of_frames_are_followed(tmp_path: Path) -> None:
