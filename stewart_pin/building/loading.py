@@ -13,7 +13,7 @@ from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, MechanismError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
 from stewart_pin.model.chain import ClosedChain
-from stewart_pin.model.description import Mechanism
+from stewart_pin.model.description import JointKind, Mechanism
 from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import validate
@@ -111,6 +111,13 @@ def build_chain(
         gravity = STANDARD_GRAVITY if mechanism.gravity is None else mechanism.gravity
     gravity = as_array("gravity", gravity, (3,))
     validate(mechanism)
+    # Pinocchio 4.1 crashes on frame Jacobians of a model without freedoms.
+    if all(joint.kind is JointKind.FIXED for joint in mechanism.joints):
+        raise MechanismError(
+            f"robot '{mechanism.name}' has no joint that moves; a chain needs one, floating links count",
+            path=mechanism.source,
+            culprit=mechanism.name,
+        )
     model = build_tree(mechanism, gravity)
     chain = ClosedChain(
         mechanism=mechanism,

@@ -15,6 +15,7 @@ from stewart_pin.errors import (
     FileFormatError,
     FileMissingError,
     InputError,
+    MechanismError,
     UnsupportedError,
 )
 from tests.model.mutations import assert_loads_or_says_why, damaged, quick
@@ -146,6 +147,14 @@ def test_sizes_beyond_sense_do_not_overflow(tmp_path: Path, size: str, attribute
     text = robot(*ARM).replace('xyz="1 0 0"', f'{attribute}="{size} 0 {size}"')
     chain = stp.load(write(tmp_path, text))
     assert np.isfinite(chain.q_home).all()
+
+
+def test_a_robot_that_cannot_move_is_refused(tmp_path: Path) -> None:
+    # Pinocchio would crash on its Jacobians.
+    weld = '<joint name="weld" type="fixed"><parent link="base"/><child link="platform"/></joint>'
+    for parts in ([link("base"), link("platform"), weld], [link("platform")]):
+        with pytest.raises(MechanismError, match="robot 'small' has no joint that moves"):
+            stp.load(write(tmp_path, robot(*parts)), motors=[])
 
 
 def test_many_links_are_no_trouble(tmp_path: Path) -> None:

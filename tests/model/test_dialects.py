@@ -181,7 +181,7 @@ def test_gazebo_joints_stand_where_the_links_lie_at_zero(
         return
     assert_same_motion(chain, stp.load(write(tmp_path, open_square(reference))), rng)
     np.testing.assert_allclose(chain.loops[0].placement1.translation, [1, 0, 0], atol=1e-15)
-    assert "kept: read as Gazebo <gazebo><joint> (loop 'pin')" in str(chain.report)
+    assert "kept: read as Gazebo <gazebo> (loop 'pin')" in str(chain.report)
     assert "while all joints are at zero (loop 'pin')" in str(chain.report)
     assert kind == "ball" or "ignored: <limit>" in str(chain.report)
 
@@ -424,6 +424,54 @@ def test_mimic(tmp_path: Path) -> None:
     assert abs(q["follow"] - 0.5 + 2 * q["elbow"]) < 1e-12
     plain = follower.replace(' multiplier="-2" offset="0.5"', "")
     assert stp.load(write(tmp_path, robot(*ARM, link("shell"), plain))).couplings[0].polynomial == (0.0, 1.0)
+
+
+PLUGIN = (
+    '<gazebo><plugin filename="libroboticsgroup_gazebo_mimic_joint_plugin.so" name="m"><joint>elbow</joint>'
+    "<mimicJoint>follow</mimicJoint><multiplier>-2.0</multiplier><offset>0.5</offset><hasPID/></plugin></gazebo>"
+)
+
+
+def test_mimic_plugins_of_gazebo(tmp_path: Path) -> None:
+    follower = joint("follow", "base", "shell")
+    chain = stp.load(write(tmp_path, robot(*ARM, link("shell"), follower, PLUGIN)))
+    (found,) = chain.couplings
+    assert (found.joint1, found.joint2, found.polynomial) == ("follow", "elbow", (0.5, -2.0))
+    assert "kept: read as Gazebo <gazebo> (coupling 'follow_mimic')" in str(chain.report)
+    bare = PLUGIN.replace("<multiplier>-2.0</multiplier><offset>0.5</offset>", "").replace(
+        "joint>el", "jointName>el"
+    )
+    bare = bare.replace("elbow</joint>", "elbow</jointName>")
+    chain = stp.load(write(tmp_path, robot(*ARM, link("shell"), follower, bare)))
+    assert chain.couplings[0].polynomial == (0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("multiplier", "words"),
+    [("-2", "repeats the <mimic>"), ("2", "says otherwise than -2 × 'elbow' + 0.5")],
+)
+def test_mimic_counts_before_a_plugin(tmp_path: Path, multiplier: str, words: str) -> None:
+    own = f'<mimic joint="elbow" multiplier="{multiplier}" offset="0.5"/>'
+    chain = stp.load(
+        write(tmp_path, robot(*ARM, link("shell"), PLUGIN, joint("follow", "base", "shell", content=own)))
+    )
+    assert chain.couplings[0].polynomial == (0.5, float(multiplier)) and len(chain.couplings) == 1
+    assert words in str(chain.report)
+
+
+def test_mimic_of_rigid_joints(tmp_path: Path) -> None:
+    own = '<mimic joint="elbow" multiplier="-2" offset="0.5"/>'
+    text = robot(*ARM, link("shell"), joint("follow", "base", "shell", "fixed", content=own))
+    chain = stp.load(write(tmp_path, text))
+    assert chain.couplings == () and "does not follow 'elbow': it is fixed (joint 'follow')" in str(
+        chain.report
+    )
+    text = robot(*ARM, link("shell"), joint("follow", "base", "shell", content=own))
+    chain = stp.load(
+        write(tmp_path, text.replace('"elbow" type="revolute" independent="true"', '"elbow" type="fixed"'))
+    )
+    assert (chain.couplings[0].joint2, chain.couplings[0].polynomial) == (None, (0.5,))
+    assert chain.q_home[chain.model.joints[chain.model.getJointId("follow")].idx_q] == 0.5
 
 
 # --- Drake's joints -------------------------------------------------------------------------------------------

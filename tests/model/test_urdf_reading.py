@@ -146,7 +146,7 @@ def test_limits_that_other_readers_take_differently_are_reported(tmp_path: Path)
 FOREIGN = {
     "drake": ("<drake:tendon_constraint/>", "<drake:tendon_constraint>"),
     "sdf": ("<gazebo><model><joint><child>arm</child></joint></model></gazebo>", "<gazebo><joint>"),
-    "plugin": ("<gazebo><plugin><mimicJoint>elbow</mimicJoint></plugin></gazebo>", "<gazebo><mimicJoint>"),
+    "plugin": ("<gazebo><plugin><mimic>elbow</mimic></plugin></gazebo>", "<gazebo><mimic>"),
     "mujoco": ("<mujoco><equality><connect/></equality></mujoco>", "<mujoco><equality>"),
     "in a link": (link("shell", loop("l", "spherical", "arm", "base")), "<loop>"),
     "in a joint": (joint("j", "base", "arm", content='<coupling joint="elbow"/>'), "<coupling>"),

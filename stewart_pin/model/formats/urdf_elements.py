@@ -137,6 +137,28 @@ class UrdfElements(ElementReader):
         # A vector that is of unit length to the last digit keeps its digits, so that files survive being rewritten.
         return values if abs(size - 1) < 1e-15 else values / size
 
+    def content(self, element: etree._Element, owner: str) -> str:
+        """Read the text inside an element.
+
+        Parameters
+        ----------
+        element
+            The element.
+        owner
+            Named in the message.
+
+        Returns
+        -------
+        str
+            The text, without blanks around it.
+        """
+        text = (element.text or "").strip()
+        if not text or len(element):
+            raise self.error(
+                f"{owner}: <{shown_tag(element)}> (line {element.sourceline}) must hold text", owner
+            )
+        return text
+
     def ends(self, joint: etree._Element, owner: str) -> tuple[str, str]:
         """Read the links that a joint joins.
 

@@ -1,4 +1,4 @@
-"""Joints of Gazebo inside a URDF: ``<gazebo><joint>`` in SDFormat's words closes a loop of the URDF's tree.
+"""Joints of Gazebo inside a URDF: ``<gazebo><joint>``, in SDFormat's words, closes a loop of the URDF's tree.
 
 Gazebo puts the pose of such a joint into the child link. Where the joint sits in the parent follows from how the two
 links lie while all joints are at zero, which is the pose in which Gazebo puts the robot together.
@@ -18,6 +18,8 @@ from lxml import etree
 from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import JointKind, Loop, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import Dialect, Parts
+from stewart_pin.model.formats.dialects.mimic import couple
+from stewart_pin.model.formats.dialects.mimic_plugins import take_mimic_plugins
 from stewart_pin.model.formats.frames import AT_ZERO, relative_at_zero
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.xml import shown_tag
@@ -38,7 +40,8 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
     joints = [] if element.get("reference") else element.findall("joint")
     for joint in joints:
         element.remove(joint)
-    if len(element) or not joints:
+    couplings = take_mimic_plugins(reader, element)
+    if len(element) or not (joints or couplings):
         reader.ignore(element, "the file")
     loops = [_read_joint(reader, joint) for joint in joints]
 
@@ -48,9 +51,14 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
             relative = relative_at_zero(mechanism, loop.link1, loop.link2, f"joint '{loop.name}' of <gazebo>")
             found.append(replace(loop, placement1=relative * loop.placement2))
         notes = tuple(Note(f"loop '{loop.name}'", AT_ZERO, Outcome.CHANGED) for loop in found)
-        return Parts(loops=tuple(found), notes=notes)
+        coupled = [couple(mechanism, coupling) for coupling in couplings]
+        return Parts(
+            loops=tuple(found),
+            couplings=tuple(coupling for each in coupled for coupling in each.couplings),
+            notes=notes + tuple(note for each in coupled for note in each.notes),
+        )
 
-    return Parts(later=placed if loops else None)
+    return Parts(later=placed if loops or couplings else None)
 
 
 def _read_joint(reader: UrdfElements, element: etree._Element) -> Loop:
@@ -65,12 +73,12 @@ def _read_joint(reader: UrdfElements, element: etree._Element) -> Loop:
             reader.note(owner, f"<{shown_tag(child)}>: simulator settings")
             element.remove(child)
     reader.only(element, owner, ("name", "type"), ("parent", "child", "pose", "axis", "axis2"))
-    parent, child = (_text(reader, reader.child(element, tag, owner), owner) for tag in ("parent", "child"))
+    parent, child = (reader.content(reader.child(element, tag, owner), owner) for tag in ("parent", "child"))
     pose = reader.optional(element, "pose", owner)
     placement = pin.SE3.Identity()
     if pose is not None:
         reader.only(pose, owner, ())
-        numbers = reader.parse(_text(reader, pose, owner), 6, f"{owner}: <pose>", owner)
+        numbers = reader.parse(reader.content(pose, owner), 6, f"{owner}: <pose>", owner)
         placement = pin.SE3(rotation_from_rpy(*numbers[3:]), numbers[:3])
     loop = Loop(name, kind, parent, child, pin.SE3.Identity(), placement)
     if kind is JointKind.UNIVERSAL:
@@ -82,29 +90,20 @@ def _read_joint(reader: UrdfElements, element: etree._Element) -> Loop:
     return loop
 
 
-def _text(reader: UrdfElements, element: etree._Element, owner: str) -> str:
-    text = (element.text or "").strip()
-    if not text or len(element):
-        raise reader.error(
-            f"{owner}: <{shown_tag(element)}> (line {element.sourceline}) must hold text", owner
-        )
-    return text
-
-
 def _axis(reader: UrdfElements, joint: etree._Element, tag: str, owner: str) -> FloatArray:
     axis = reader.child(joint, tag, owner)
     reader.only(axis, owner, (), _IN_AXIS)
     xyz = reader.child(axis, "xyz", owner)
     reader.only(xyz, owner, ())
     other = reader.optional(axis, "use_parent_model_frame", owner)
-    if other is not None and _text(reader, other, owner) not in ("0", "false"):
+    if other is not None and reader.content(other, owner) not in ("0", "false"):
         raise reader.error(
             f"{owner}: <use_parent_model_frame> is not read; give <xyz> in the joint's frame", owner
         )
     for part in ("limit", "dynamics", "initial_position"):
         if reader.optional(axis, part, owner) is not None:
             reader.notes.append(Note(owner, f"<{part}>: a joint that closes a loop has no coordinate"))
-    return reader.direction(_text(reader, xyz, owner), f"{owner}: <{tag}>", owner)
+    return reader.direction(reader.content(xyz, owner), f"{owner}: <{tag}>", owner)
 
 
-DIALECT = Dialect("gazebo", "Gazebo <gazebo><joint>", {"robot/gazebo": _read})
+DIALECT = Dialect("gazebo", "Gazebo <gazebo>", {"robot/gazebo": _read})

@@ -9,16 +9,37 @@ References
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import Coupling, Mechanism
+from stewart_pin.model.description import Coupling, JointKind, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import Dialect, Parts
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.xml import number_text
 
 
 def _read(reader: UrdfElements, element: etree._Element) -> Parts:
+    coupling = read_mimic(reader, element)
+    return Parts(later=lambda mechanism: couple(mechanism, coupling))
+
+
+def read_mimic(reader: UrdfElements, element: etree._Element) -> Coupling:
+    """Read a ``<mimic>``.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+    element
+        The tag, inside the joint that follows.
+
+    Returns
+    -------
+    Coupling
+        Follower, leader, offset and multiplier.
+    """
     parent = element.getparent()
     joint = "" if parent is None else parent.get("name", "")
     owner = f"joint '{joint}'"
@@ -26,9 +47,34 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
     multiplier = float(reader.numbers(element, "multiplier", 1, owner, default="1")[0])
     offset = float(reader.numbers(element, "offset", 1, owner, default="0")[0])
     name = element.get("name") or f"{joint}_mimic"
-    return Parts(
-        couplings=(Coupling(name, joint, reader.text(element, "joint", owner), (offset, multiplier)),)
-    )
+    return Coupling(name, joint, reader.text(element, "joint", owner), (offset, multiplier))
+
+
+def couple(mechanism: Mechanism, coupling: Coupling) -> Parts:
+    """Add a linear coupling, of which a joint may be rigid: a file that holds joints still need not lose its gears.
+
+    Parameters
+    ----------
+    mechanism
+        What has been read so far.
+    coupling
+        Follower, leader, offset and multiplier.
+
+    Returns
+    -------
+    Parts
+        The coupling; nothing where the follower is rigid; where the leader is, which stands at zero, the follower
+        stands at the offset. Notes say so.
+    """
+    fixed = [joint.name for joint in mechanism.joints if joint.kind is JointKind.FIXED]
+    subject = f"joint '{coupling.joint1}'"
+    if coupling.joint1 in fixed:
+        return Parts(notes=(Note(subject, f"does not follow '{coupling.joint2}': it is fixed"),))
+    if coupling.joint2 not in fixed:
+        return Parts(couplings=(coupling,))
+    held = replace(coupling, joint2=None, polynomial=coupling.polynomial[:1])
+    text = f"held still at {coupling.polynomial[0]:g}: '{coupling.joint2}', which it follows, is fixed"
+    return Parts(couplings=(held,), notes=(Note(subject, text, Outcome.CHANGED),))
 
 
 def write_mimics(robot: etree._Element, mechanism: Mechanism, format: str) -> None:
