@@ -23,6 +23,8 @@ from stewart_pin.typing import ArrayLike, FloatArray
 
 Event = Literal["finished", "fold", "lost"]
 
+_NOISE = 8 * np.finfo(float).eps
+"""Round-off of a leg length, relative to the robot's size."""
 _LEAST_STEP = 1e-9
 """Fraction of the way between two samples below which the tracker gives up."""
 _KEPT = 0.5
@@ -151,20 +153,22 @@ def _step(
     position, rotation = pose
     jacobian = scaled_jacobian(hexapod, position, rotation, size)
     before = np.linalg.svd(jacobian, compute_uv=False)[-1]
-    side, previous = np.linalg.slogdet(jacobian)[0], np.inf
+    side, previous, after = np.linalg.slogdet(jacobian)[0], np.inf, before
     for attempt in range(8):
         gap = leg_lengths(hexapod, position, rotation) - lengths
         # The first pass is the tangent predictor, the others correct it.
         step = -np.linalg.solve(jacobian, gap)
         correction = np.linalg.norm(step) / size
-        if correction > (0.2 if attempt == 0 else max(_CONTRACTION * previous, 1e-14)):
+        # Next to a fold round-off of the lengths moves the pose by this much, and no correction gets smaller.
+        noise = max(1e-13, _NOISE / after)
+        if correction > (0.2 if attempt == 0 else max(_CONTRACTION * previous, noise)):
             return None
         position, rotation = move(position, rotation, step / np.array([1, 1, 1, size, size, size]))
         jacobian = scaled_jacobian(hexapod, position, rotation, size)
         sign, after = np.linalg.slogdet(jacobian)[0], np.linalg.svd(jacobian, compute_uv=False)[-1]
         if sign != side or after < _KEPT * before:
             return None
-        if correction < 1e-13:
+        if correction < noise:
             return position, rotation
         previous = correction
     return None
