@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from stewart_pin.errors import InputError, MissingExtraError, UnsupportedError
-from stewart_pin.kernels.program import Instruction, Kind, Port, Program, ProgramBuilder, n_operands
+from stewart_pin.kernels.program import Instruction, Kind, Port, Program, n_operands
+from stewart_pin.kernels.program_builder import ProgramBuilder
 
 
 def program_from_casadi(function: Any) -> Program:

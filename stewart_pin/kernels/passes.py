@@ -10,7 +10,8 @@ from collections.abc import Callable
 import numpy as np
 
 from stewart_pin.kernels.interpreter import run_program
-from stewart_pin.kernels.program import Instruction, Kind, Program, ProgramBuilder
+from stewart_pin.kernels.program import Instruction, Kind, Program
+from stewart_pin.kernels.program_builder import ProgramBuilder
 
 
 def rewrite(program: Program, rule: Callable[[ProgramBuilder, Instruction, int], int]) -> Program:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections import Counter
 
 from stewart_pin.kernels.passes import drop_dead
-from stewart_pin.kernels.program import Instruction, Kind, Program, ProgramBuilder
+from stewart_pin.kernels.program import Instruction, Kind, Program
+from stewart_pin.kernels.program_builder import ProgramBuilder
 
 
 def share_reciprocals(program: Program) -> Program:

@@ -6,7 +6,9 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.kernels.instructions import program_from_casadi
-from stewart_pin.kernels.program import Instruction, Kind, Port, Program, ProgramBuilder, n_operands
+from stewart_pin.kernels.passes import drop_dead
+from stewart_pin.kernels.program import Instruction, Kind, Port, Program, n_operands
+from stewart_pin.kernels.program_builder import ProgramBuilder
 from tests.kernels.hexapod_graph import eliminate
 
 EPS = np.finfo(np.float64).eps
@@ -86,9 +88,8 @@ def one_operation(kind: Kind) -> Program:
     """Take the program of one operation on three inputs."""
     whole = every_operation()
     k = kinds_of_every_operation().index(kind)
-    return Program(
-        kind.value, whole.inputs, (Port("y", (1,)),), whole.instructions, ((whole.results[0][k],),)
-    )
+    results = ((whole.results[0][k],),)
+    return drop_dead(Program(kind.value, whole.inputs, (Port("y", (1,)),), whole.instructions, results))
 
 
 def round_off(program: Program, inputs: list[np.ndarray], unit: float = EPS) -> list[np.ndarray]:

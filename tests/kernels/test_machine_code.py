@@ -16,7 +16,8 @@ from stewart_pin.kernels.interpreter import run_program
 from stewart_pin.kernels.llvm_module import module_for_ranges
 from stewart_pin.kernels.machine_code import assembly, compile_for_one
 from stewart_pin.kernels.preparing import prepare
-from stewart_pin.kernels.program import LIBRARY, Kind, Port, Program, ProgramBuilder, operation_counts
+from stewart_pin.kernels.program import LIBRARY, Kind, Port, Program, operation_counts
+from stewart_pin.kernels.program_builder import ProgramBuilder
 from stewart_pin.kernels.target import Target, load_llvm, narrow_target
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 from tests.kernels.programs import (
