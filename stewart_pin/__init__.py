@@ -22,7 +22,7 @@ from stewart_pin.building.exporting import write_urdf as write_urdf
 from stewart_pin.building.floating_base import on_floating_base as on_floating_base
 from stewart_pin.building.from_hexapod import hexapod_chain as hexapod_chain
 from stewart_pin.building.hexapod_bodies import hexapod_bodies as hexapod_bodies
-from stewart_pin.building.hexapod_table import hexapod_inertias as hexapod_inertias
+from stewart_pin.building.hexapod_inertias import hexapod_inertias as hexapod_inertias
 from stewart_pin.building.hexapod_table import read_hexapod as read_hexapod
 from stewart_pin.building.loading import load as load
 from stewart_pin.building.locking import lock_joints as lock_joints
