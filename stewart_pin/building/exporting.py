@@ -15,7 +15,7 @@ from stewart_pin.model.formats.mjcf.writing import write_mjcf_file
 def write_urdf(chain: ClosedChain, path: str | Path) -> None:
     """Write a chain as URDF, its loops in the URDF+ dialect, so that `load` reads the same chain back.
 
-    A file holds no gravity; pass it to `load` again where it is not the usual one.
+    Gravity goes along, in an element of our own, where it is not the usual one.
 
     Parameters
     ----------

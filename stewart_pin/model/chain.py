@@ -152,7 +152,7 @@ class ClosedChain:
         return scale
 
     def described(self) -> Mechanism:
-        """Return the description with this chain's own motors, platform and home written into it.
+        """Return the description with this chain's own motors, platform, home and gravity written into it.
 
         The motors stand in their order, each where the description had one of them.
 
@@ -164,8 +164,13 @@ class ClosedChain:
         home: dict[str, FloatArray] = {}
         for name, joint in zip(self.model.names[1:], self.model.joints[1:], strict=True):
             home[name] = self.q_home[joint.idx_q : joint.idx_q + joint.nq]
+        x, y, z = map(float, self.gravity)
         return replace(
-            mark_motors(self.mechanism, self.motors), platform=self.platform, home=home, home_is_guess=False
+            mark_motors(self.mechanism, self.motors),
+            platform=self.platform,
+            home=home,
+            home_is_guess=False,
+            gravity=(x, y, z),
         )
 
     def leg_points(self) -> tuple[FloatArray, FloatArray]:

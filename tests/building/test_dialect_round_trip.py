@@ -117,6 +117,19 @@ def test_there_and_back(chain: stp.ClosedChain, format: str, tmp_path: Path) -> 
     assert (tmp_path / "again.urdf").read_bytes().count(b"\n") == first.count(b"\n")
 
 
+@pytest.mark.parametrize("format", sorted(WRITERS))
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, -1.62), (0.0, 0.0, 0.0), (0.1, -0.2, -9.81)])
+def test_gravity_goes_along(format: str, gravity: tuple, tmp_path: Path) -> None:
+    chain = stp.load("four_bar", gravity=gravity)
+    path = tmp_path / "a.urdf"
+    stp.export(chain, path, format=format)
+    np.testing.assert_array_equal(stp.load(path).gravity, gravity)
+    np.testing.assert_array_equal(stp.load(path, gravity=(0, 1, 0)).gravity, [0, 1, 0])
+    assert list(pin.buildModelFromUrdf(str(path)).names) == list(chain.model.names)
+    stp.export(stp.load("four_bar"), path, format=format)
+    assert "gravity" not in path.read_text()
+
+
 def test_every_writer_is_tested() -> None:
     assert set(SAYABLE) == WRITERS
 

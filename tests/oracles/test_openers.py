@@ -30,7 +30,7 @@ def format(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(params=ROBOTS)
 def chain(request: pytest.FixtureRequest) -> stp.ClosedChain:
-    return stp.load(request.param)
+    return stp.load(request.param, gravity=(0.1, 0.2, -1.62))
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_mujoco(chain: stp.ClosedChain, path: Path) -> None:
 
 
 def test_yourdfpy(tmp_path: Path) -> None:
-    chain = stp.load("stewart")
+    chain = stp.load("stewart", gravity=(0.1, 0.2, -1.62))
     for format in FORMATS:
         stp.export(chain, tmp_path / f"{format}.urdf", format=format)
     # In a process of its own: it imports for a second, and warns of what it imports.

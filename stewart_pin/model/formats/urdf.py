@@ -16,7 +16,14 @@ from stewart_pin.model.description import Mechanism
 from stewart_pin.model.formats.dialect import Parts, add_parts, claimed_tags, dialects, found_notes
 from stewart_pin.model.formats.named_motors import choose_motors
 from stewart_pin.model.formats.side_cars import add_side_car, find_beside
-from stewart_pin.model.formats.urdf_core import joint_tags, read_home, read_joint, read_link, read_platform
+from stewart_pin.model.formats.urdf_core import (
+    joint_tags,
+    read_gravity,
+    read_home,
+    read_joint,
+    read_link,
+    read_platform,
+)
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.xml import shown_tag
 from stewart_pin.model.spanning_tree import cut_second_parents
@@ -78,7 +85,7 @@ class _UrdfReader(UrdfElements):
             elif tag == "joint":
                 found.append(_Found(read_joint(self, element)))
                 found.extend(self._inner(element, joint_tags(element)))
-            elif tag not in ("group_state", "end_effector"):
+            elif tag not in ("group_state", "end_effector", "gravity"):
                 found.extend(self._in_a_dialect(element, "the file"))
         parts = [each.parts for each in found]
         links = tuple(link for part in parts for link in part.links)
@@ -91,6 +98,7 @@ class _UrdfReader(UrdfElements):
             platform=read_platform(self, links),
             home=read_home(self),
             source=self.path,
+            gravity=read_gravity(self),
             notes=(*self.notes, *(note for part in parts for note in part.notes)),
         )
         for each in found:

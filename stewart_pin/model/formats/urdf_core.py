@@ -246,3 +246,24 @@ def read_home(reader: UrdfElements) -> Mapping[str, FloatArray]:
             reader.only(element, owner, ("name", "value"))
             home[name] = reader.parse(reader.text(element, "value", owner), None, owner, owner)
     return home
+
+
+def read_gravity(reader: UrdfElements) -> tuple[float, float, float] | None:
+    """Read the acceleration of free fall, which `save` adds where it is not the usual one.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+
+    Returns
+    -------
+    tuple of float or None
+        In the world frame [m/s²]; None: the file does not say.
+    """
+    element = reader.optional(reader.root, "gravity", "the file")
+    if element is None:
+        return None
+    reader.only(element, "<gravity>", ("xyz",))
+    x, y, z = map(float, reader.numbers(element, "xyz", 3, "<gravity>"))
+    return x, y, z

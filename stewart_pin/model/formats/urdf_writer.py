@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
+from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
 from stewart_pin.geometry.rotations import rpy_from_rotation
 from stewart_pin.model.description import Joint, JointKind, Link, Mechanism
 from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES
@@ -38,7 +39,7 @@ def tree_element(mechanism: Mechanism, nsmap: dict[str, str] | None = None) -> e
 
 
 def save(robot: etree._Element, mechanism: Mechanism, path: Path) -> None:
-    """Add platform and home to a robot, and write the file.
+    """Add platform, home and unusual gravity to a robot, and write the file.
 
     Parameters
     ----------
@@ -55,6 +56,8 @@ def save(robot: etree._Element, mechanism: Mechanism, path: Path) -> None:
         state = etree.SubElement(robot, "group_state", name="home", group="all")
         for name, values in mechanism.home.items():
             etree.SubElement(state, "joint", name=name, value=number_text(values))
+    if mechanism.gravity not in (None, STANDARD_GRAVITY):
+        etree.SubElement(robot, "gravity", xyz=number_text(mechanism.gravity))
     path.write_bytes(etree.tostring(robot, pretty_print=True, xml_declaration=True, encoding="utf-8"))
 
 
