@@ -23,13 +23,18 @@ from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
 from stewart_pin.typing import FloatArray
 
+_ENDS = (JointKind.SPHERICAL, JointKind.REVOLUTE)
+"""Kinds of joints at the end of a leg."""
 _ROUND_OFF = 1e-8
 """Share of a twist below which it is round-off of closed loops."""
 
 
 @dataclass(frozen=True, eq=False)
 class LegEnd:
-    """A ball that ties a body of a leg to the platform, or to the ground.
+    """A ball, or a hinge of a planar leg, that ties a body of a leg to the platform or to the ground.
+
+    A hinge is treated as a ball at its centre: what else it holds does no work, since all that turns in the leg and on
+    the platform turns about parallel axes.
 
     Attributes
     ----------
@@ -43,6 +48,8 @@ class LegEnd:
         Place of its rows among the chain's loop rows.
     body_first
         Whether the leg's body is body 1 of the loop.
+    hinge
+        (3,) axis of a hinge in world axes, dimensionless; None for a ball.
     """
 
     body: int
@@ -50,6 +57,7 @@ class LegEnd:
     other: FloatArray
     index: tuple[int, ...]
     body_first: bool
+    hinge: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +164,12 @@ def plan_platform(chain: ClosedChain) -> PlatformPlan:
         raise _unsupported(chain, f"motor '{chain.motors[left]}' carries the platform itself")
     samples = closed_samples(chain)
     poses = np.array([pin.SE3ToXYZQUAT(platform_pose(chain, q)) for q in samples])
-    return PlatformPlan(chain, tree, legs, platform_twists(chain, samples), poses)
+    for leg in legs:
+        _require_planar(chain, leg, np.zeros((6, 0)))
+    twists = platform_twists(chain, samples)
+    for leg in legs:
+        _require_planar(chain, leg, twists)
+    return PlatformPlan(chain, tree, legs, twists, poses)
 
 
 def platform_twists(chain: ClosedChain, samples: FloatArray) -> FloatArray:
@@ -190,8 +203,7 @@ def platform_twists(chain: ClosedChain, samples: FloatArray) -> FloatArray:
     if basis.shape[1] != here[0].shape[1]:
         raise _unsupported(
             chain,
-            f"it has {here[0].shape[1]} freedom(s) of motion, along twists that change with the pose; use "
-            "coordinates='motor'",
+            f"its platform has {here[0].shape[1]} freedom(s) of motion, along twists that change with the pose",
         )
     # Column echelon form: unit vectors where the freedoms stand along the axes.
     chosen: list[int] = []
@@ -242,8 +254,10 @@ def _cut(chain: ClosedChain, tree: Tree, joint: TreeJoint) -> LoopEnds:
     """Turn the joint that leads to the platform into a loop."""
     if tree.platform - 1 in {_joint_at(tree, index) for index in tree.motors}:
         raise _unsupported(chain, f"motor '{joint.name}' carries the platform")
-    if joint.kind is not JointKind.SPHERICAL:
-        raise _unsupported(chain, f"joint '{joint.name}', which carries it, is {joint.kind} and no ball")
+    if joint.kind not in _ENDS:
+        raise _unsupported(
+            chain, f"joint '{joint.name}', which carries it, is {joint.kind}, no ball and no hinge"
+        )
     # The platform body's own frame, which the joint moves, seen from the platform frame.
     at = chain.model.frames[chain.platform_id].placement.inverse()
     return LoopEnds(
@@ -255,9 +269,39 @@ def _cut(chain: ClosedChain, tree: Tree, joint: TreeJoint) -> LoopEnds:
         rotation2=at.rotation,
         translation1=joint.translation,
         translation2=at.translation,
+        axis=joint.axis,
         rows=(),
         index=(),
     )
+
+
+def _axis_at_home(chain: ClosedChain, loop: LoopEnds) -> FloatArray:
+    data = pin.Data(chain.model)
+    pin.forwardKinematics(chain.model, data, chain.q_home)
+    frame = pin.updateFramePlacement(chain.model, data, chain.platform_id)
+    body = frame if loop.body1 == chain.model.frames[chain.platform_id].parentJoint else data.oMi[loop.body1]
+    return body.rotation @ loop.rotation1 @ loop.axis
+
+
+def _require_planar(chain: ClosedChain, leg: Leg, twists: FloatArray) -> None:
+    """Refuse hinges at the end of a leg or platform that turns about other axes than theirs."""
+    data = pin.Data(chain.model)
+    pin.forwardKinematics(chain.model, data, chain.q_home)
+    turning = [
+        (f"joint '{joint.name}'", data.oMi[body].rotation @ joint.axis)
+        for joint, body in zip(leg.joints, leg.bodies, strict=True)
+        if joint.kind is JointKind.REVOLUTE
+    ]
+    turning += [("the platform", twist[3:]) for twist in twists.T]
+    for hinge in (end.hinge for end in leg.ends if end.hinge is not None):
+        for name, axis in turning:
+            if np.abs(np.cross(hinge, axis)).max() > _ROUND_OFF:
+                raise _unsupported(
+                    chain,
+                    f"the leg of joint '{leg.name}' ends in a hinge, and {name} turns about another axis",
+                )
+        if any(joint.kind is JointKind.SPHERICAL for joint in leg.joints):
+            raise _unsupported(chain, f"the leg of joint '{leg.name}' ends in a hinge and has a ball")
 
 
 def _joint_at(tree: Tree, index: int) -> int:
@@ -310,10 +354,11 @@ def _leg(chain: ClosedChain, tree: Tree, bodies: list[int], loops: Sequence[Loop
 
 
 def _end(chain: ClosedChain, loop: LoopEnds, local: dict[int, int], other: int) -> LegEnd:
-    if loop.kind is not JointKind.SPHERICAL:
-        raise _unsupported(chain, f"loop '{loop.name}' is {loop.kind} and no ball")
+    if loop.kind not in _ENDS:
+        raise _unsupported(chain, f"loop '{loop.name}' is {loop.kind}, no ball and no hinge")
+    hinge = _axis_at_home(chain, loop) if loop.kind is JointKind.REVOLUTE else None
     sides = ((loop.body1, loop.translation1), (loop.body2, loop.translation2))
     for first, ((body, point), (far, far_point)) in ((True, sides), (False, sides[::-1])):
         if local.get(body) and far == other:
-            return LegEnd(local[body], point, far_point, loop.index, first)
+            return LegEnd(local[body], point, far_point, loop.index, first, hinge)
     raise _unsupported(chain, f"loop '{loop.name}' does not tie a leg to the platform or the ground")

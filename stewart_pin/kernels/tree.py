@@ -77,6 +77,8 @@ class LoopEnds:
         (3, 3) rotations of the loop frames in their bodies.
     translation1, translation2
         (3,) origins of the loop frames in their bodies [m].
+    axis
+        (3,) unit vector of the free axis in frame 1, for kinds that have one.
     rows
         Equations, in the order of the chain's loop rows.
     index
@@ -91,6 +93,7 @@ class LoopEnds:
     rotation2: FloatArray
     translation1: FloatArray
     translation2: FloatArray
+    axis: FloatArray
     rows: tuple[Row, ...]
     index: tuple[int, ...]
 
@@ -276,6 +279,7 @@ def _loops(chain: ClosedChain) -> tuple[LoopEnds, ...]:
                 rotation2=table.rotation2[k],
                 translation1=table.translation1[k],
                 translation2=table.translation2[k],
+                axis=np.array(loop.axis, dtype=float),
                 rows=rows,
                 index=tuple(range(place.start, place.stop)),
             )

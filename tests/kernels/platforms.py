@@ -120,13 +120,6 @@ def hanging() -> stp.ClosedChain:
     return mechanisms._near(mechanism, values, tuple(f"motor{k}" for k in range(6)))
 
 
-def with_ball_in_tree() -> stp.ClosedChain:
-    """Cut a hexapod elsewhere, so that one leg's ball carries the platform."""
-    other = recut(robot("stewart"))
-    assert other is not None
-    return other
-
-
 def skew_rods() -> stp.ClosedChain:
     """Describe the rods of six cranks in frames that stand askew to them: an idle spin then is no single coordinate."""
     old = mechanisms.rotary_hexapod().described()
@@ -147,6 +140,63 @@ def skew_rods() -> stp.ClosedChain:
     )
 
 
+def planar(first: JointKind) -> stp.ClosedChain:
+    """Build a plate in the plane on three driven cranks or rails with hinged rods, the plane askew in space."""
+    rng = np.random.default_rng(13)
+    plane = pin.SE3(pin.exp3(np.array([0.3, -0.5, 0.2])), np.array([0.1, 0.2, 0.3]))
+    links, joints = (
+        [Link("ground"), Link("platform", body(rng, 2.0))],
+        [Joint("pose", FREE, "ground", "platform", plane)],
+    )
+    loops, home = [], {"pose": [0, 0, 0, 0, 0, 0, 1]}
+    for k in range(3):
+        angle = 2 * np.pi * k / 3
+        turn = pin.exp3(angle * Z)
+        foot, head = turn @ [0.8, 0, 0], pin.exp3((angle + 0.7) * Z) @ [0.25, 0, 0]
+        # A crank of 0.5 that stands across the spoke, or a cart on a rail that leans against the rod.
+        elbow = foot + turn @ [0, 0.5, 0] if first is R else foot
+        length = float(np.linalg.norm(head - elbow))
+        towards = turn.T @ (head - elbow) / length
+        links += [Link(f"crank{k}", body(rng, 0.4)), Link(f"rod{k}", body(rng, 0.3))]
+        here = plane * pin.SE3(turn, foot)
+        if first is R:
+            joints.append(Joint(f"motor{k}", R, "ground", f"crank{k}", here, Z, independent=True))
+            home[f"motor{k}"] = [np.pi / 2]
+            home[f"hinge{k}"] = [np.arctan2(towards[1], towards[0]) - np.pi / 2]
+        else:
+            lean = np.array([np.sin(0.9), np.cos(0.9), 0.0])
+            joints.append(Joint(f"motor{k}", P, "ground", f"crank{k}", here, lean, independent=True))
+            home[f"motor{k}"] = [0.0]
+            home[f"hinge{k}"] = [np.arctan2(towards[1], towards[0])]
+        arm = at(0.5) if first is R else ONE
+        joints.append(Joint(f"hinge{k}", R, f"crank{k}", f"rod{k}", arm, Z))
+        loops.append(Loop(f"pin{k}", R, "platform", f"rod{k}", pin.SE3(np.eye(3), head), at(length), Z))
+    parts = tuple(links), tuple(joints), tuple(loops)
+    return mechanisms._near(
+        Mechanism("planar", *parts, platform="platform"), home, ("motor0", "motor1", "motor2")
+    )
+
+
+def crossed_hinge() -> stp.ClosedChain:
+    """End the legs of a hexapod, which turn about two axes, in a hinge, which no leg in closed form may do."""
+    chain = hanging()
+    old, data = chain.described(), pin.Data(chain.model)
+    pin.forwardKinematics(chain.model, data, chain.q_home)
+    turned = data.oMi[chain.model.getJointId("motor0")].rotation
+    loop = old.loops[0]
+    there = pin.SE3(turned, loop.placement2.translation)
+    first = replace(loop, kind=JointKind.REVOLUTE, axis=X, placement2=there)
+    motors = tuple(f"motor{k}" for k in range(1, 6))
+    return build_chain(replace(old, loops=(first, *old.loops[1:])), motors=motors)
+
+
+def other_cut(name: str) -> stp.ClosedChain:
+    """Cut a robot elsewhere, so that a joint of one leg carries the platform."""
+    other = recut(robot(name))
+    assert other is not None
+    return other
+
+
 PLATFORMS = {
     **{
         name: lambda name=name: robot(name)
@@ -156,7 +206,11 @@ PLATFORMS = {
     "six cranks, rods askew": skew_rods,
     "six rails": rails,
     "legs on the platform": hanging,
-    "ball in the tree": with_ball_in_tree,
+    "ball in the tree": lambda: other_cut("stewart"),
+    "3-RPR": lambda: robot("rpr_planar"),
+    "3-RPR, hinge in the tree": lambda: other_cut("rpr_planar"),
+    "3-RRR": lambda: planar(R),
+    "3-PRR": lambda: planar(P),
     "delta, balls": delta,
     "delta, hinges": lambda: delta(ball_elbows=False),
 }

@@ -158,7 +158,7 @@ def test_bad_states_come_out_as_nan_with_a_code(rng: np.random.Generator) -> Non
     assert np.isnan(poses[1]).all()
 
 
-@pytest.mark.parametrize("name", ["four_bar", "delta"])
+@pytest.mark.parametrize("name", ["four_bar", "delta", "rpr_planar"])
 def test_a_demand_that_the_platform_cannot_follow_has_a_code(name: str, rng: np.random.Generator) -> None:
     many = kernels(name)
     _, (pose, twist, acceleration, _) = platform_states(many, rng, 2)
@@ -238,7 +238,7 @@ def test_report_and_functions() -> None:
     with pytest.raises(stp.errors.InputError, match="inverse_dynamics"):
         many.casadi("inverse")
     assert kernels("four_bar").report.route == "tree"
-    assert "revolute and no ball" in str(kernels("four_bar").report)
+    assert "twists that change with the pose" in str(kernels("four_bar").report)
 
 
 def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,8 @@
 A leg is a stem, which may be missing, and one or several pointers. A pointer turns about one point (a ball, or two
 hinges that cross at right angles, or three, the third along the leg) and reaches its end along a line through that
 point, by a slide or by a rod of fixed length. A stem is a hinge or a slide before the pointers, such as a crank: the
-length of the rod tells how far it has moved. Of two solutions the one on the side of home is taken.
+length of the rod tells how far it has moved. In the plane a single hinge makes a pointer. Of two solutions the one on
+the side of home is taken.
 """
 
 from __future__ import annotations
@@ -38,8 +39,8 @@ class LegPositions:
     values
         ``{joint: position}`` of hinges (cosine and sine, (2, 1)) and slides (1, 1), joints counted from 0.
     stretched
-        Squared distance over squared length, less 1, of every rod that nothing has been moved to fit: zero at poses
-        that the platform can take.
+        Squared distance over squared length, less 1, of every rod that nothing has been moved to fit, and the slope of
+        every planar pointer out of its plane: zero at poses that the platform can take.
     """
 
     moved: tuple[JointPlacement, ...]
@@ -61,6 +62,10 @@ class _Pointer:
     end: LegEnd
     line: FloatArray
     offset: float
+
+    def planar(self, leg: Leg) -> bool:
+        """Whether it is one hinge."""
+        return len(self.turns) == 1 and leg.joints[self.turns[0]].kind is JointKind.REVOLUTE
 
 
 def leg_positions(leg: Leg, targets: Sequence[ca.SX]) -> LegPositions:
@@ -97,10 +102,17 @@ def leg_positions(leg: Leg, targets: Sequence[ca.SX]) -> LegPositions:
     stretched: list[ca.SX] = []
     for k, pointer in enumerate(pointers):
         target = points[id(pointer.end)]
-        _point(leg, pointer, target, moved, values)
+        first = leg.joints[pointer.turns[0]]
+        planar = pointer.planar(leg)
+        (_point_in_plane if planar else _point)(leg, pointer, target, moved, values)
+        arm = target - constant(first.translation)
+        square = ca.dot(arm, arm)
         if pointer.slide is None and (k or stem is None):
-            arm = target - constant(leg.joints[pointer.turns[0]].translation)
-            stretched.append(ca.dot(arm, arm) / pointer.offset**2 - 1)
+            stretched.append(square / pointer.offset**2 - 1)
+        if planar:
+            stretched.append(
+                ca.dot(rotation_constant(first.rotation) @ constant(first.axis), arm) / ca.sqrt(square)
+            )
     return LegPositions(tuple(moved[k] for k in range(len(leg.joints))), values, tuple(stretched))
 
 
@@ -112,15 +124,18 @@ def _into(joint: TreeJoint, point: ca.SX) -> ca.SX:
 def _no_form(leg: Leg, reason: str) -> UnsupportedError:
     return UnsupportedError(
         f"the leg of joint '{leg.name}' has no closed form: {reason}; known are legs that turn about one point (a "
-        "ball, or two crossing hinges at right angles) and slide to a ball, or reach it by a rod behind a crank or rail"
+        "ball, two crossing hinges at right angles, or one hinge in the plane) and slide to their end, or reach it by "
+        "a rod behind a crank or rail"
     )
 
 
 def _take_apart(leg: Leg) -> tuple[int | None, tuple[_Pointer, ...]]:
     first = leg.joints[0]
     below = [k for k, joint in enumerate(leg.joints) if joint.parent == 1]
+    slides = len(below) == 1 and leg.joints[below[0]].kind is JointKind.PRISMATIC
     turns = first.kind is JointKind.SPHERICAL or (
-        first.kind is JointKind.REVOLUTE and len(below) == 1 and _crosses(leg, 0, below[0])
+        first.kind is JointKind.REVOLUTE
+        and (not below or slides or (len(below) == 1 and _crosses(leg, 0, below[0])))
     )
     stem = None if turns else 0
     if stem is not None and first.kind not in (JointKind.REVOLUTE, JointKind.PRISMATIC):
@@ -147,9 +162,9 @@ def _pointer(leg: Leg, start: int, *, rod: bool) -> _Pointer:
         k: [n for n, joint in enumerate(leg.joints) if joint.parent == k + 1] for k in range(len(leg.joints))
     }
     turns = [start]
-    if leg.joints[start].kind is not JointKind.SPHERICAL:
-        if len(below[start]) != 1 or not _crosses(leg, start, below[start][0]):
-            raise _no_form(leg, f"joint '{leg.joints[start].name}' does not cross another at right angles")
+    if leg.joints[start].kind not in (JointKind.SPHERICAL, JointKind.REVOLUTE):
+        raise _no_form(leg, f"joint '{leg.joints[start].name}' does not turn")
+    if len(below[start]) == 1 and _crosses(leg, start, below[start][0]):
         turns.append(below[start][0])
     last, slide, spin = turns[-1], None, None
     if len(turns) == 2 and below[last] and leg.joints[below[last][0]].kind is JointKind.REVOLUTE:
@@ -171,6 +186,8 @@ def _pointer(leg: Leg, start: int, *, rod: bool) -> _Pointer:
             or np.abs(np.cross(hinge.axis, line)).max() > _ROUND_OFF
         ):
             raise _no_form(leg, f"hinge '{hinge.name}' does not stand along the line to its end")
+    if pointer.planar(leg) and abs(pointer.line @ leg.joints[start].axis) > _ROUND_OFF:
+        raise _no_form(leg, f"it does not stay in the plane of hinge '{leg.joints[start].name}'")
     if len(turns) == 2 and abs(_turned_line(leg, pointer) @ leg.joints[turns[1]].axis) > _ROUND_OFF:
         raise _no_form(leg, f"it does not stand at right angles to the axis of '{leg.joints[turns[1]].name}'")
     return pointer
@@ -235,10 +252,37 @@ def _point(
         joint, angle = leg.joints[pointer.spin], float(leg.home[pointer.spin][0])
         moved[pointer.spin] = turn_about(joint.axis, ca.SX(np.cos(angle)), ca.SX(np.sin(angle))), none
     if pointer.slide is not None:
-        joint = leg.joints[pointer.slide]
-        position = float(pointer.line @ joint.rotation @ joint.axis) * (length - pointer.offset)
-        moved[pointer.slide] = ca.SX.eye(3), constant(joint.axis) * position
-        values[pointer.slide] = position
+        _slide(leg, pointer, pointer.slide, length, moved, values)
+
+
+def _point_in_plane(
+    leg: Leg, pointer: _Pointer, target: ca.SX, moved: dict[int, JointPlacement], values: dict[int, ca.SX]
+) -> None:
+    """Turn a pointer on one hinge towards its target; what is out of its plane is left out."""
+    joint = leg.joints[pointer.turns[0]]
+    target = _into(joint, target)
+    x = ca.dot(constant(pointer.line), target)
+    y = ca.dot(constant(np.cross(joint.axis, pointer.line)), target)
+    length = ca.sqrt(x * x + y * y) if pointer.slide is not None else ca.SX(pointer.offset)
+    cosine, sine = x / length, y / length
+    moved[pointer.turns[0]] = turn_about(joint.axis, cosine, sine), ca.SX.zeros(3)
+    values[pointer.turns[0]] = ca.vertcat(cosine, sine)
+    if pointer.slide is not None:
+        _slide(leg, pointer, pointer.slide, length, moved, values)
+
+
+def _slide(
+    leg: Leg,
+    pointer: _Pointer,
+    slide: int,
+    length: ca.SX,
+    moved: dict[int, JointPlacement],
+    values: dict[int, ca.SX],
+) -> None:
+    joint = leg.joints[slide]
+    position = float(pointer.line @ joint.rotation @ joint.axis) * (length - pointer.offset)
+    moved[slide] = ca.SX.eye(3), constant(joint.axis) * position
+    values[slide] = position
 
 
 def _triad(leg: Leg, pointer: _Pointer) -> tuple[FloatArray, FloatArray, FloatArray, float]:
