@@ -16,7 +16,7 @@ from stewart_pin.kernels.interpreter import run_program
 from stewart_pin.kernels.llvm_module import module_for_ranges
 from stewart_pin.kernels.machine_code import assembly, compile_for_one
 from stewart_pin.kernels.preparing import prepare
-from stewart_pin.kernels.program import LIBRARY, Kind, Port, Program, operation_counts
+from stewart_pin.kernels.program import LIBRARY, Instruction, Kind, Port, Program, operation_counts
 from stewart_pin.kernels.program_builder import ProgramBuilder
 from stewart_pin.kernels.target import Target, load_llvm, narrow_target
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
@@ -212,3 +212,18 @@ def test_code_in_a_cycle_of_references_is_disposed_of_in_order() -> None:
         del function
         gc.collect()
         assert gone() is None
+
+
+@each_target
+@each_type
+def test_rows_of_any_length_are_turned_to_vectors_and_back(
+    target: Target, dtype: np.dtype, rng: np.random.Generator
+) -> None:
+    """Entries are given back in reverse order, so that no column can stand for another."""
+    for size in (*range(1, 20), 33):
+        source = Program("reverse", (Port("x", (size,)),), (Port("y", (size,)),), (), ())
+        builder = ProgramBuilder(source)
+        entries = [builder.append(Instruction(Kind.INPUT, place=(0, k))) for k in range(size)]
+        kernel = ArrayKernel(builder.finish(iter([tuple(reversed(entries))])), dtype=dtype, target=target)
+        states = rng.normal(size=(21, size)).astype(dtype)
+        assert np.array_equal(kernel(states), states[:, ::-1])
