@@ -613,6 +613,8 @@ ALL_AT_ONCE = square(
     joint("wheel_turn", "base", "wheel", content='<mimic joint="crank_turn" multiplier="2"/>'),
     '<coupling name="gear"><predecessor link="crank"/><successor link="wheel"/><ratio value="2"/></coupling>',
     transmission("crank_turn"),
+    PLUGIN.replace("follow", "wheel_turn").replace("elbow", "crank_turn"),
+    '<gravity xyz="0 0 -9.81"/>',
 )
 
 
