@@ -246,14 +246,14 @@ def solve_symmetric(
     matrix
         (n, n) expressions.
     right
-        (n, 1) right-hand side.
+        (n, k) right-hand sides.
     values
         (samples, n, n) the matrix at samples, in equal units, dimensionless.
 
     Returns
     -------
     solution : list of casadi.SX
-        n unknowns; those without a pivot are zero.
+        n unknowns, (1, k) each; those without a pivot are zero.
     dropped : tuple of int
         The unknowns without a pivot.
     score : float
@@ -281,16 +281,16 @@ def solve_symmetric(
             if k not in rows[r]:
                 continue
             factor = rows[r][k] / rows[k][k]
-            right[r] = right[r] - factor * right[k]
+            right[r, :] = right[r, :] - factor * right[k, :]
             for c in left:
                 if c >= r and k in rows[c]:
                     entry = rows[r].get(c, ca.SX(0)) - factor * rows[c][k]
                     rows[r][c] = rows[c][r] = entry
             work[:, r] -= (work[:, r, k] / work[:, k, k])[:, None] * work[:, k]
-    solution = [ca.SX(0)] * n
+    solution = [ca.SX.zeros(1, right.shape[1])] * n
     done: list[int] = []
     for k in reversed(places):
-        rest = right[k]
+        rest = right[k, :]
         for c in done:
             if c in rows[k]:
                 rest = rest - rows[k][c] * solution[c]

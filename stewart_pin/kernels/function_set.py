@@ -16,7 +16,7 @@ import casadi as ca
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.graph import driven_tree, platform_dynamics, platform_kinematics, whole_tree
 from stewart_pin.kernels.graph.conditioning import driven_conditioning, platform_conditioning
-from stewart_pin.kernels.graph.derivatives import dynamics_derivatives
+from stewart_pin.kernels.graph.derivatives import dynamics_derivatives, platform_derivatives
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
@@ -152,7 +152,10 @@ class FunctionSet:
         if self.coordinates == "tree":
             return _STATE[name](self.closed)
         if name in _DERIVATIVES:
-            function = self.function(name.removesuffix("_derivatives"))
+            verb = name.removesuffix("_derivatives")
+            if self.placed is not None and self.freedoms == self.chain.nu:
+                return platform_derivatives(self.placed, verb)
+            function = self.function(verb)
             return dynamics_derivatives(function, None if self.placed is not None else self.driven)
         if self.placed is not None and name in _LEGS:
             return _LEGS[name](self.placed)

@@ -8,9 +8,17 @@ from __future__ import annotations
 
 import casadi as ca
 
+from stewart_pin.kernels.elimination import solve_square, solve_symmetric
 from stewart_pin.kernels.graph.driven_tree import DrivenTree, follow
 from stewart_pin.kernels.graph.functions import shared
-from stewart_pin.kernels.spatial import skew, turn_from_quaternion
+from stewart_pin.kernels.graph.platform_dynamics import (
+    PlacedPlatform,
+    balance,
+    forward_dynamics_function,
+    inverse_dynamics_function,
+    platform_mass_matrix,
+)
+from stewart_pin.kernels.spatial import constant, skew, turn_from_quaternion
 from stewart_pin.kernels.tree import Tree
 from stewart_pin.model.description import JointKind
 
@@ -65,6 +73,57 @@ def configuration_chart(tree: Tree, q: ca.SX) -> ca.SX:
 def _body_turn(quaternion: ca.SX) -> ca.SX:
     vector, scalar = quaternion[:3], quaternion[3]
     return ca.vertcat(scalar * ca.SX.eye(3) + skew(vector), -vector.T) / 2
+
+
+def platform_derivatives(placed: PlacedPlatform, name: str) -> ca.Function:
+    """Differentiate inverse or forward dynamics in platform coordinates, without differentiating the solution.
+
+    With r = wrench - columns tau_motor, which is zero, and the other symbols held, the efforts change by columns⁻¹ ∂r
+    and the accelerations by -M⁻¹ ∂r.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs; as many motors as freedoms.
+    name
+        ``inverse_dynamics`` or ``forward_dynamics``.
+
+    Returns
+    -------
+    casadi.Function
+        As `dynamics_derivatives`.
+    """
+    inverse = name == "inverse_dynamics"
+    plan, pose = placed.plan, placed.pose
+    function = (inverse_dynamics_function if inverse else forward_dynamics_function)(placed)
+    twist, acceleration = ca.SX.sym("twist", 6), ca.SX.sym("acceleration", 6)
+    tau_motor = ca.SX.sym("tau_motor", len(plan.tree.motors))
+    wrench, columns = balance(placed, twist, acceleration)
+    share, left = placed.project(columns), placed.project(wrench - columns @ tau_motor)
+    changes = [ca.jacobian(left, pose) @ pose_chart(pose), ca.jacobian(left, twist)]
+    if inverse:
+        changes.append(ca.jacobian(left, acceleration))
+        motors = plan.chain.tangent_scale[list(plan.tree.motors)]
+        values = placed.values(share) * placed.twist_scale[:, None] / motors
+        result = solve_square(share, ca.horzcat(*changes), values, "the motors' share")[0]
+    else:
+        changes.append(-share)
+        inertia, values = platform_mass_matrix(placed)
+        result = -constant(plan.twists) @ ca.vertcat(
+            *solve_symmetric(inertia, ca.horzcat(*changes), values)[0]
+        )
+    symbols = [pose, twist, acceleration, tau_motor]
+    solved = ca.Function("derivatives", symbols, [result])
+    third = acceleration if inverse else tau_motor
+    answers = function.call([pose, twist, third])
+    result = solved.call([pose, twist, third, answers[0]] if inverse else [pose, twist, answers[0], third])[0]
+    names = [*function.name_in()]
+    outputs = dict(
+        zip((f"by_{x}" for x in names), ca.horzsplit(result, [0, 6, 12, result.shape[1]]), strict=True)
+    )
+    if len(answers) > 1:
+        outputs["infeasible"] = answers[1]
+    return shared(f"{name}_derivatives", dict(zip(names, [pose, twist, third], strict=True)), outputs)
 
 
 def dynamics_derivatives(function: ca.Function, driven: DrivenTree | None) -> ca.Function:

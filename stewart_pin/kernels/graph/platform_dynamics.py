@@ -171,18 +171,37 @@ def inverse_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     plan = placed.plan
     require_held(plan.chain, analyse_freedom(plan.chain, plan.chain.q_home))
     twist, acceleration = ca.SX.sym("twist", 6), ca.SX.sym("acceleration", 6)
-    moving = platform_motion(plan.tree, placed.pose, twist, acceleration)
-    forces = [leg_forces(leg, moving, leg_rates(leg, moving)) for leg in placed.legs]
-    wrench = platform_wrench(plan.masses, moving)
-    for force in forces:
-        wrench = wrench - force.wrench
-    share = placed.project(_columns(plan, forces))
-    tau_motor = _least_norm(placed, share, placed.project(wrench))
+    wrench, columns = balance(placed, twist, acceleration)
+    tau_motor = _least_norm(placed, placed.project(columns), placed.project(wrench))
     return shared(
         "inverse_dynamics",
         {"pose": placed.pose, "twist": twist, "acceleration": acceleration},
         {"tau_motor": tau_motor, **placed.infeasible(twist, acceleration)},
     )
+
+
+def balance(placed: PlacedPlatform, twist: ca.SX, acceleration: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Balance the platform.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+    twist, acceleration
+        (6, 1) motion of the platform in world axes.
+
+    Returns
+    -------
+    wrench, columns : casadi.SX
+        (6, 1) and (6, nu): motors have to give ``columns @ tau_motor = wrench``.
+    """
+    plan = placed.plan
+    moving = platform_motion(plan.tree, placed.pose, twist, acceleration)
+    forces = [leg_forces(leg, moving, leg_rates(leg, moving)) for leg in placed.legs]
+    wrench = platform_wrench(plan.masses, moving)
+    for force in forces:
+        wrench = wrench - force.wrench
+    return wrench, _columns(plan, forces)
 
 
 def forward_dynamics_function(placed: PlacedPlatform) -> ca.Function:
@@ -205,16 +224,9 @@ def forward_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     """
     plan = placed.plan
     twist, tau_motor = ca.SX.sym("twist", 6), ca.SX.sym("tau_motor", len(plan.tree.motors))
-    moving = platform_motion(plan.tree, placed.pose, twist, ca.SX.zeros(6))
-    forces = [leg_forces(leg, moving, leg_rates(leg, moving)) for leg in placed.legs]
-    inertia = platform_inertia(plan.masses, moving.rotation)
-    left = _columns(plan, forces) @ tau_motor - platform_wrench(plan.masses, moving)
-    for leg, force in zip(placed.legs, forces, strict=True):
-        inertia, left = inertia + leg_inertia(leg, moving), left + force.wrench
-    inertia = placed.project(inertia) @ constant(plan.twists)
-    scale = placed.twist_scale
-    values = placed.values(inertia) * scale[:, None] * scale
-    steps, weightless, _ = solve_symmetric(inertia, placed.project(left), values)
+    wrench, columns = balance(placed, twist, ca.SX.zeros(6))
+    inertia, values = platform_mass_matrix(placed)
+    steps, weightless, _ = solve_symmetric(inertia, placed.project(columns @ tau_motor - wrench), values)
     if weightless:
         raise SingularityError(
             f"{len(weightless)} freedom(s) of the platform of {plan.chain.name} have no inertia, so accelerations are "
@@ -227,6 +239,31 @@ def forward_dynamics_function(placed: PlacedPlatform) -> ca.Function:
         {"pose": placed.pose, "twist": twist, "tau_motor": tau_motor},
         {"acceleration": acceleration, **placed.infeasible(twist)},
     )
+
+
+def platform_mass_matrix(placed: PlacedPlatform) -> tuple[ca.SX, FloatArray]:
+    """Compute the inertia of the whole robot in the freedoms of its platform.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+
+    Returns
+    -------
+    inertia : casadi.SX
+        (dof, dof), symmetric.
+    values : numpy.ndarray
+        (samples, dof, dof) at the samples, in equal units [kg m²].
+    """
+    plan, still = placed.plan, ca.SX.zeros(6)
+    moving = platform_motion(plan.tree, placed.pose, still, still)
+    inertia = platform_inertia(plan.masses, moving.rotation)
+    for leg in placed.legs:
+        inertia = inertia + leg_inertia(leg, moving)
+    inertia = placed.project(inertia) @ constant(plan.twists)
+    scale = placed.twist_scale
+    return inertia, placed.values(inertia) * scale[:, None] * scale
 
 
 def motor_columns(placed: PlacedPlatform) -> ca.SX:
