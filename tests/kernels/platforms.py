@@ -177,6 +177,11 @@ def planar(first: JointKind) -> stp.ClosedChain:
     )
 
 
+def motor_to_spare() -> stp.ClosedChain:
+    """Drive an elbow of a planar platform too: four motors share three freedoms by least norm."""
+    return build_chain(planar(R).described(), motors=("motor0", "motor1", "motor2", "hinge0"))
+
+
 def crossed_hinge() -> stp.ClosedChain:
     """End the legs of a hexapod, which turn about two axes, in a hinge, which no leg in closed form may do."""
     chain = hanging()
@@ -211,6 +216,7 @@ PLATFORMS = {
     "3-RPR, hinge in the tree": lambda: other_cut("rpr_planar"),
     "3-RRR": lambda: planar(R),
     "3-PRR": lambda: planar(P),
+    "3-RRR, motor to spare": motor_to_spare,
     "delta, balls": delta,
     "delta, hinges": lambda: delta(ball_elbows=False),
 }

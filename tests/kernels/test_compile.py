@@ -16,7 +16,8 @@ from stewart_pin.kernels.status import StateStatus
 from stewart_pin.kernels.verbs import Kernels
 from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from tests import mechanisms
-from tests.closed_states import close, random_configuration, random_motion, robot
+from tests.closed_states import close, derivative, random_configuration, random_motion, robot
+from tests.kernels.platforms import motor_to_spare
 
 AGREE = 1e-10
 HELD = [name for name in stp.robots() if stp.mobility(robot(name)).motors_sufficient]
@@ -123,6 +124,22 @@ def test_gears_and_threads_in_motor_coordinates(rng: np.random.Generator) -> Non
     for k, (q, v, a) in enumerate(states):
         close(tau_motor[k], stp.inverse_dynamics(chain, q, v, a).tau_motor, AGREE)
     close(many.forward_dynamics(position, velocity, tau_motor), acceleration, AGREE)
+
+
+def test_a_motor_to_spare(rng: np.random.Generator) -> None:
+    chain = motor_to_spare()
+    many = compile_kernels(chain)
+    assert (many.report.route, many.report.freedoms, chain.nu) == ("legs", 3, 4)
+    _, (pose, twist, acceleration, q_motor) = platform_states(many, rng, 3)
+    home = pin.SE3ToXYZQUAT(stp.platform_pose(chain, chain.q_home))
+    found = many.forward_kinematics(q_motor, home)
+    for one, other in zip(found, pose, strict=True):
+        close(pin.XYZQUATToSE3(one).homogeneous, pin.XYZQUATToSE3(other).homogeneous, 1e-9)
+    # Derivatives along the plane's own freedoms.
+    twists = np.linalg.svd(twist.T)[0][:, :3]
+    by_twist = many.inverse_dynamics_derivatives(pose[0], twist[0], acceleration[0])[1]
+    slope = derivative(lambda t: many.inverse_dynamics(pose[0], twist[0] + t * twists.T, acceleration[0]))
+    close((by_twist @ twists).T, slope, 1e-8)
 
 
 def test_a_redundant_arm_needs_motor_coordinates() -> None:
