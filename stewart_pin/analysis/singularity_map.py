@@ -19,6 +19,7 @@ from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.mechanics.singularity import SingularityKind
 from stewart_pin.mechanics.singularity.split import ALIGNED, Measure, signed_measure, split_jacobians
 from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.description import JointKind
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 _FAR = 0.5
@@ -79,7 +80,8 @@ def singularity_map(
     """Measure how near every position of a grid is to each kind of singularity.
 
     Starting at the configuration given, the platform is moved from cell to cell by Newton's method, so that the map
-    shows one branch (working mode). The sign of a measure is continued between neighbours, as along a path.
+    shows one branch (working mode). The sign of a measure is continued between neighbours, as along a path. A branch
+    that winds round a singular point comes back on another sheet: the map then has a cut, on which nothing is marked.
 
     Parameters
     ----------
@@ -134,6 +136,11 @@ class _Field:
         self._rows = np.concatenate([np.ones(chain.nc, dtype=bool), counted(axes) > 0])
         self._plane = [TWIST_AXES.index(name) for name in plane]
         self._pose = platform_pose(chain, start)
+        self._hinges = [
+            joint.idx_v
+            for name, joint in zip(chain.model.names[1:], chain.model.joints[1:], strict=True)
+            if chain.mechanism.joint(name).kind is JointKind.REVOLUTE
+        ]
         self._generic = generic_freedom(chain, axes)
         shape = (len(y), len(x))
         self.q = np.full((*shape, chain.nq), np.nan)
@@ -157,10 +164,18 @@ class _Field:
                 if beside in self._found:
                     continue
                 closure = self._solve(self.q[cell], beside)
-                step = pin.difference(self._chain.model, self.q[cell], closure.q) / self._chain.tangent_scale
-                if closure.success and np.abs(step).max() < _FAR:
+                if closure.success and self._step(self.q[cell], closure.q) < _FAR:
                     self._keep(beside, closure.q)
                     queue.append(beside)
+
+    def _step(self, a: Configuration, b: Configuration) -> float:
+        step = pin.difference(self._chain.model, a, b)
+        # A hinge that went once round is where it was.
+        step[self._hinges] = (step[self._hinges] + np.pi) % (2 * np.pi) - np.pi
+        return float(np.abs(step / self._chain.tangent_scale).max())
+
+    def _far(self, a: tuple[int, int], b: tuple[int, int]) -> bool:
+        return self._step(self.q[a], self.q[b]) >= _FAR
 
     def _neighbours(self, cell: tuple[int, int]) -> list[tuple[int, int]]:
         row, column = cell
@@ -194,6 +209,8 @@ class _Field:
         points: dict[SingularityKind, list[FloatArray]] = {kind: [] for kind in SingularityKind}
         for (row, column), here in self._found.items():
             for beside in ((row + 1, column), (row, column + 1)):
+                if beside in self._found and self._far((row, column), beside):
+                    continue  # reached by different ways: between them is the cut of two sheets
                 for kind, measure in self._found.get(beside, {}).items():
                     share = _zero_between(here[kind], measure)
                     if share is not None:
@@ -206,9 +223,7 @@ class _Field:
 def _zero_between(here: Measure, there: Measure) -> float | None:
     """Find the share of the way at which a measure vanishes, if its vectors fit and its sign changes."""
     fit = min(abs(here.left @ there.left), abs(here.motion @ there.motion))
-    change = np.linalg.norm(here.matrix - there.matrix, 2)
-    # From one value to minus the other is no farther than the matrix goes.
-    if fit < ALIGNED or here.value + there.value > change or signed_measure(here, there) >= 0:
+    if fit < ALIGNED or signed_measure(here, there) >= 0:
         return None
     return here.value / (here.value + there.value)
 
