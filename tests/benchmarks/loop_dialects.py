@@ -21,17 +21,21 @@ REPEATS = 5
 
 
 def main() -> None:
-    print(f"{'dialect':16} {'reads':52} {'writes loops':34} {'load stewart':>13} {'efforts differ':>15}")
+    rows = [("dialect", "reads", "writes loops", "load stewart", "efforts differ")]
     with tempfile.TemporaryDirectory() as folder:
         for dialect in dialects():
             path = Path(folder) / f"{dialect.name}.urdf"
-            reads = (
-                ", ".join([*(f"<{t.split('/')[1]}>" for t in dialect.tags), *dialect.suffixes])
-                or "frames by name"
-            )
-            writes = written_kinds(dialect.name, path) if dialect.write is not None else "-"
-            seconds, difference = loaded(dialect.name, path) if dialect.write is not None else ("", "")
-            print(f"{dialect.name:16} {reads:52} {writes:34} {seconds:>13} {difference:>15}")
+            tags = dict.fromkeys(f"<{tag.split('/')[1]}>" for tag in dialect.tags)
+            reads = ", ".join([*tags, *dialect.suffixes]) or "names of frames"
+            if dialect.write is None:
+                rows.append((dialect.name, reads, "-", "-", "-"))
+            else:
+                rows.append(
+                    (dialect.name, reads, written_kinds(dialect.name, path), *loaded(dialect.name, path))
+                )
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    for row in rows:
+        print("  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip())
 
 
 def written_kinds(format: str, path: Path) -> str:
