@@ -76,7 +76,8 @@ def _compiled(text: str, target: Target, prototype: Any) -> Any:
     function = prototype(engine.get_function_address("run"))
     # The code goes when the function does, the engine before its context: left to a collection of cycles, the order
     # would be any, and llvmlite crashes where the context goes first.
-    weakref.finalize(function, _dispose, engine, machine, context)
+    end = weakref.finalize(function, _dispose, engine, machine, context)
+    end.atexit = False  # what still runs when the interpreter ends may call the function
     return function
 
 

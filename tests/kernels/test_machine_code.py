@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import re
+import subprocess
+import sys
 import weakref
 
 import numpy as np
@@ -212,6 +214,22 @@ def test_code_in_a_cycle_of_references_is_disposed_of_in_order() -> None:
         del function
         gc.collect()
         assert gone() is None
+
+
+def test_code_outlives_what_is_called_when_the_interpreter_ends() -> None:
+    script = """
+import atexit
+held = []
+atexit.register(lambda: print(held[0](np.array([[3.0]]))[0, 0], held[1](np.array([4.0]))[0]))
+import casadi as ca
+import numpy as np
+from stewart_pin.kernels.compile_function import compile_function
+x = ca.SX.sym("x")
+kernel = compile_function(ca.Function("f", [x], [x * x]))
+held += [kernel, kernel.single_state()]
+"""
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (0, "9.0 16.0\n"), run.stderr
 
 
 @each_target
