@@ -10,8 +10,8 @@ from stewart_pin.analysis.assembly_modes import AssemblySolver as AssemblySolver
 from stewart_pin.analysis.assembly_modes import ModeDescription as ModeDescription
 from stewart_pin.analysis.assembly_modes import assembly_modes as assembly_modes
 from stewart_pin.analysis.assembly_modes import describe_modes as describe_modes
+from stewart_pin.analysis.closed_paths import closed_path as closed_path
 from stewart_pin.analysis.singularities import SingularityOnPath as SingularityOnPath
-from stewart_pin.analysis.singularities import closed_path as closed_path
 from stewart_pin.analysis.singularities import find_singularity as find_singularity
 from stewart_pin.analysis.singularity_map import SingularityMap as SingularityMap
 from stewart_pin.analysis.singularity_map import singularity_map as singularity_map

@@ -9,7 +9,7 @@ known.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq, minimize_scalar
 
+from stewart_pin.analysis.closed_paths import Path, closed_path
 from stewart_pin.checks import as_array, as_positive
-from stewart_pin.closure.newton import close_loops
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.freedom import TWIST_AXES
 from stewart_pin.mechanics.generic import generic_freedom
@@ -27,7 +27,6 @@ from stewart_pin.mechanics.singularity.split import ALIGNED, Measure, signed_mea
 from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.typing import ArrayLike, Configuration
 
-Path = Callable[[float], Configuration]
 _SHORTEST = 1e-6
 """Share of the path below which an interval is not halved."""
 _SHORT = 1e-3
@@ -72,43 +71,6 @@ class SingularityOnPath:
     distance: float
     margin: float
     singularity: Singularity
-
-
-def closed_path(chain: ClosedChain, configurations: ArrayLike) -> Path:
-    """Join closed configurations by a path whose every point has closed loops.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    configurations
-        (n, nq) two or more configurations, the loops nearly closed [m, rad, unit quaternions].
-
-    Returns
-    -------
-    callable
-        Configuration (nq,) of a parameter from 0 to n - 1: the tangent's straight line between neighbours, moved to
-        the nearest configuration with closed loops.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than two.
-    ClosureError
-        When called: if the loops do not close in between; give more configurations.
-    """
-    stops = as_array("configurations", configurations, (None, chain.nq))
-    if len(stops) < 2:
-        raise InputError(f"configurations must be two or more, got {len(stops)}")
-    stops = [close_loops(chain, as_configuration(chain, "configurations", q)).q for q in stops]
-
-    def path(s: float) -> Configuration:
-        k = min(max(int(np.floor(s)), 0), len(stops) - 2)
-        if s == k or s == k + 1:
-            return stops[k + int(s != k)]
-        return close_loops(chain, pin.interpolate(chain.model, stops[k], stops[k + 1], s - k)).q
-
-    return path
 
 
 def find_singularity(
