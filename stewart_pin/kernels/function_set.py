@@ -21,7 +21,9 @@ from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
+from stewart_pin.kernels.idle_freedoms import require_idle_without_effect
 from stewart_pin.kernels.plan import plan_platform
+from stewart_pin.kernels.samples import closed_samples
 from stewart_pin.model.chain import ClosedChain
 
 Coordinates = Literal["platform", "motor", "tree"]
@@ -70,7 +72,7 @@ class FunctionSet:
     Raises
     ------
     UnsupportedError
-        If the coordinates do not determine the chain's motion, or a joint or closure has no graph.
+        If the coordinates do not determine the chain's motion or its efforts, or a joint or closure has no graph.
     """
 
     def __init__(self, chain: ClosedChain, coordinates: Coordinates) -> None:
@@ -78,6 +80,8 @@ class FunctionSet:
         self.coordinates: Coordinates = coordinates
         self.placed: PlacedPlatform | None = None
         self.why_whole_tree = f"{coordinates} coordinates"
+        if coordinates != "tree":
+            require_idle_without_effect(chain, closed_samples(chain, count=1)[0])
         if coordinates == "platform":
             try:
                 self.placed = platform_dynamics.place_platform(plan_platform(chain))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import sys
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
+from stewart_pin.building.loading import build_chain
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.status import StateStatus
 from stewart_pin.kernels.verbs import Kernels
@@ -140,6 +142,16 @@ def test_a_motor_to_spare(rng: np.random.Generator) -> None:
     by_twist = many.inverse_dynamics_derivatives(pose[0], twist[0], acceleration[0])[1]
     slope = derivative(lambda t: many.inverse_dynamics(pose[0], twist[0] + t * twists.T, acceleration[0]))
     close((by_twist @ twists).T, slope, 1e-8)
+
+
+def test_lopsided_rods_that_may_spin_are_refused() -> None:
+    old = mechanisms.rotary_hexapod().described()
+    lopsided = pin.Inertia(0.2, np.array([0.2, 0.02, 0.0]), np.diag([1e-4, 3e-3, 3e-3]))
+    links = tuple(replace(link, inertia=lopsided) if link.name == "rod0" else link for link in old.links)
+    chain = build_chain(replace(old, links=links), motors=tuple(f"motor{k}" for k in range(6)))
+    with pytest.raises(stp.errors.UnsupportedError, match=r"idle freedoms .*elbow.* coordinates='tree'"):
+        compile_kernels(chain)
+    assert compile_kernels(chain, coordinates="tree").report.freedoms == 12
 
 
 def test_a_redundant_arm_needs_motor_coordinates() -> None:

@@ -1,0 +1,75 @@
+"""Whether it matters where idle freedoms stand: platform and motors do not determine it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.closure.newton import close_loops
+from stewart_pin.errors import ClosureError, UnsupportedError
+from stewart_pin.mechanics.constrained import pinocchio_inverse_dynamics
+from stewart_pin.mechanics.freedom import analyse_freedom
+from stewart_pin.mechanics.kinematics import platform_motion, platform_pose
+from stewart_pin.mechanics.platform import motion_matrix
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.typing import Configuration, FloatArray
+
+_SAME = 1e-6
+"""Relative difference of efforts that closing the loops again leaves."""
+_TURNS = (0.5, 0.1, 0.02)
+"""How far idle freedoms are moved for the comparison, in robot sizes and radians: the first that can be closed."""
+
+
+def require_idle_without_effect(chain: ClosedChain, q: Configuration) -> None:
+    """Refuse chains whose motor efforts depend on where idle freedoms stand, as a lopsided rod that may spin.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops, to compare at [m, rad, unit quaternions].
+
+    Raises
+    ------
+    UnsupportedError
+        If efforts differ.
+    """
+    freedom = analyse_freedom(chain, q)
+    if not freedom.idle.shape[1] or freedom.lost.shape[1]:
+        return
+    rng = np.random.default_rng(0)
+    jacobian = motion_matrix(chain, q)[chain.nc :]
+    twist, acceleration = (
+        jacobian @ freedom.motions @ rng.normal(size=freedom.motions.shape[1]) for _ in range(2)
+    )
+    # Near the same pose only the twists that the platform can do everywhere are sure to be feasible.
+    if np.linalg.matrix_rank(jacobian @ freedom.motions, tol=1e-8) < 6:
+        acceleration = twist = np.zeros(6)
+    direction = freedom.idle @ rng.uniform(0.5, 1.0, freedom.idle.shape[1])
+    pose = platform_pose(chain, q)
+
+    def efforts_at(guess: Configuration) -> FloatArray:
+        state = platform_motion(chain, pose, twist, acceleration, q_guess=guess, limits=False)
+        return pinocchio_inverse_dynamics(chain, state.q, state.v, state.a).tau_motor
+
+    efforts = [efforts_at(q)]
+    for turn in _TURNS:
+        try:
+            efforts.append(efforts_at(close_loops(chain, pin.integrate(chain.model, q, turn * direction)).q))
+            break
+        except ClosureError:
+            continue
+    if len(efforts) < 2:
+        raise UnsupportedError(
+            f"the idle freedoms of {chain.name} cannot be moved by {_TURNS[-1]} with the platform at rest, so it is "
+            "not known whether they matter; use coordinates='tree'"
+        )
+    if np.abs(efforts[0] - efforts[1]).max() > _SAME * np.abs(efforts[0]).max():
+        names = [
+            n for n, x in zip(chain.tangent_names, np.abs(freedom.idle).max(axis=1), strict=True) if x > 1e-6
+        ]
+        raise UnsupportedError(
+            f"where idle freedoms of {chain.name} stand ({', '.join(names[:3])}, ...) changes the motor efforts, and "
+            "neither platform nor motors determine it; use coordinates='tree'"
+        )
