@@ -1,6 +1,8 @@
 """Move rows of several states to vectors of one entry each, and back: transposition in registers.
 
 States lie in memory row after row, (N, size); the operations want one entry of `lanes` states in one register.
+A state of 19 numbers in and 6 out takes 5.1 ns so; loads of single numbers take 6.1 ns, the gather instruction 9.5 ns
+(float64, AVX-512, Zen 5).
 """
 
 from __future__ import annotations
