@@ -14,7 +14,13 @@ from typing import Literal
 import casadi as ca
 
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.kernels.graph import driven_tree, platform_dynamics, platform_kinematics, whole_tree
+from stewart_pin.kernels.graph import (
+    driven_tree,
+    platform_dynamics,
+    platform_kinematics,
+    state_functions,
+    whole_tree,
+)
 from stewart_pin.kernels.graph.conditioning import driven_conditioning, platform_conditioning
 from stewart_pin.kernels.graph.derivatives import dynamics_derivatives, platform_derivatives
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
@@ -46,14 +52,14 @@ _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
     "closing_step": driven_tree.closing_step_function,
 }
 _TREE: dict[str, Callable[[ClosedTree], ca.Function]] = {
-    "tree_inverse_dynamics": whole_tree.inverse_dynamics_function,
-    "tree_forward_dynamics": whole_tree.forward_dynamics_function,
+    "tree_inverse_dynamics": state_functions.inverse_dynamics_function,
+    "tree_forward_dynamics": state_functions.forward_dynamics_function,
     "platform_pose": driven_tree.platform_pose_function,
 }
 _STATE: dict[str, Callable[[ClosedTree], ca.Function]] = {
-    "inverse_dynamics": whole_tree.judged_inverse_dynamics,
-    "forward_dynamics": whole_tree.judged_forward_dynamics,
-    "reactions": whole_tree.judged_reactions,
+    "inverse_dynamics": state_functions.judged_inverse_dynamics,
+    "forward_dynamics": state_functions.judged_forward_dynamics,
+    "reactions": state_functions.judged_reactions,
     "regressor": tree_regressor,
 }
 _DERIVATIVES = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives")

@@ -12,11 +12,8 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
-from stewart_pin.kernels.graph.whole_tree import (
-    close_tree,
-    forward_dynamics_function,
-    inverse_dynamics_function,
-)
+from stewart_pin.kernels.graph.state_functions import forward_dynamics_function, inverse_dynamics_function
+from stewart_pin.kernels.graph.whole_tree import close_tree
 from stewart_pin.mechanics.effort import Effort
 from stewart_pin.model.description import LOOP_KINDS, JointKind
 from tests import mechanisms

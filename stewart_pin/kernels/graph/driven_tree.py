@@ -101,7 +101,7 @@ def drive_tree(closed: ClosedTree, coordinates: Coordinates) -> DrivenTree:
         other = "motor" if coordinates == "platform" else "platform"
         raise UnsupportedError(
             f"the {coordinates} coordinates of {chain.name} leave {idle.shape[1]} freedom(s) open in which the {other} "
-            f"moves; use coordinates='{other}' or whole-tree functions"
+            f"moves; use coordinates='{other}' or 'tree'"
         )
     return DrivenTree(closed, coordinates, drive, reduced, idle)
 

@@ -1,0 +1,169 @@
+"""Functions of a whole state (q, v, a) of any chain, with a measure of how far the state is from closed loops."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from stewart_pin.closure.equations import row_sizes
+from stewart_pin.kernels.graph.functions import shared
+from stewart_pin.kernels.graph.loop_gaps import loop_gaps, opposed_axes
+from stewart_pin.kernels.graph.whole_tree import (
+    ClosedTree,
+    tree_bias,
+    tree_forward_dynamics,
+    tree_inverse_dynamics,
+)
+from stewart_pin.kernels.spatial import constant
+from stewart_pin.model.description import JointKind
+
+
+def inverse_dynamics_function(closed: ClosedTree) -> ca.Function:
+    """Write inverse dynamics.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, v, a) -> (tau_motor, lambda_c)``, (nq, 1), (nv, 1), (nv, 1) to (nu, 1), (nc, 1).
+
+    Raises
+    ------
+    ActuationError
+        If the motors cannot hold the robot at home.
+    """
+    v, a = ca.SX.sym("v", closed.tree.nv), ca.SX.sym("a", closed.tree.nv)
+    tau_motor, lambda_c = tree_inverse_dynamics(closed, v, a)
+    return shared(
+        "inverse_dynamics",
+        {"q": closed.q, "v": v, "a": a},
+        {"tau_motor": tau_motor, "lambda_c": lambda_c},
+    )
+
+
+def forward_dynamics_function(closed: ClosedTree) -> ca.Function:
+    """Write forward dynamics.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, v, tau_motor) -> (a, lambda_c)``, (nq, 1), (nv, 1), (nu, 1) to (nv, 1), (nc, 1).
+
+    Raises
+    ------
+    SingularityError
+        If a motion that motors or platform take part in has no inertia.
+    """
+    v, tau_motor = ca.SX.sym("v", closed.tree.nv), ca.SX.sym("tau_motor", len(closed.tree.motors))
+    a, lambda_c = tree_forward_dynamics(closed, v, tau_motor)
+    return shared(
+        "forward_dynamics",
+        {"q": closed.q, "v": v, "tau_motor": tau_motor},
+        {"a": a, "lambda_c": lambda_c},
+    )
+
+
+def judged_inverse_dynamics(closed: ClosedTree) -> ca.Function:
+    """Write inverse dynamics, with a measure of how far the state is from closed loops.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, v, a) -> (tau_motor, open)``.
+    """
+    inputs, (tau_motor, _) = _of_state(closed)
+    return shared("inverse_dynamics", inputs, {"tau_motor": tau_motor, "open": openness(closed, **inputs)})
+
+
+def judged_forward_dynamics(closed: ClosedTree) -> ca.Function:
+    """Write forward dynamics, with the same measure.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, v, tau_motor) -> (a, open)``.
+    """
+    v, tau_motor = ca.SX.sym("v", closed.tree.nv), ca.SX.sym("tau_motor", len(closed.tree.motors))
+    a, _ = tree_forward_dynamics(closed, v, tau_motor)
+    return shared(
+        "forward_dynamics",
+        {"q": closed.q, "v": v, "tau_motor": tau_motor},
+        {"a": a, "open": openness(closed, closed.q, v)},
+    )
+
+
+def judged_reactions(closed: ClosedTree) -> ca.Function:
+    """Write the loop reactions of a motion, with the same measure.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, v, a) -> (lambda_c, open)``.
+    """
+    inputs, (_, lambda_c) = _of_state(closed)
+    return shared("reactions", inputs, {"lambda_c": lambda_c, "open": openness(closed, **inputs)})
+
+
+def _of_state(closed: ClosedTree) -> tuple[dict[str, ca.SX], tuple[ca.SX, ca.SX]]:
+    v, a = ca.SX.sym("v", closed.tree.nv), ca.SX.sym("a", closed.tree.nv)
+    return {"q": closed.q, "v": v, "a": a}, tree_inverse_dynamics(closed, v, a)
+
+
+def openness(closed: ClosedTree, q: ca.SX, v: ca.SX, a: ca.SX | None = None) -> ca.SX:
+    """Measure how far a state is from closed loops and unit quaternions.
+
+    Parameters
+    ----------
+    closed
+        The chain.
+    q, v
+        (nq, 1) configuration and (nv, 1) velocity.
+    a
+        (nv, 1) acceleration, if it is demanded.
+
+    Returns
+    -------
+    casadi.SX
+        (1, 1) in robot sizes and radians, relative to 1 and to the largest entry of v or a; as the one-state verbs do.
+    """
+    scale = constant(closed.chain.tangent_scale)
+    sizes = constant(row_sizes(closed.chain))
+    parts = [ca.norm_inf(loop_gaps(closed.tree, closed.at, q) / sizes)] if closed.tree.nc else []
+    demands = [(v, ca.SX.zeros(closed.tree.nc))]
+    if a is not None:
+        demands.append((a, tree_bias(closed, v)))
+    for value, bias in demands if closed.tree.nc else []:
+        left = closed.columns.turn @ (closed.columns.transpose.T @ value + bias)
+        parts.append(ca.norm_inf(left / sizes) / ca.fmax(1, ca.norm_inf(value / scale)))
+    parts.append(opposed_axes(closed.tree, closed.at))
+    for joint in closed.tree.joints:
+        if joint.kind in (JointKind.SPHERICAL, JointKind.FLOATING):
+            quaternion = q[joint.q][-4:]
+            parts.append(ca.fabs(ca.dot(quaternion, quaternion) - 1) / 2)
+    worst = ca.SX(0)
+    for part in parts:
+        worst = ca.fmax(worst, part)
+    return worst
