@@ -16,7 +16,7 @@ from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind, Mechanism
 from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.tree import build_tree
-from stewart_pin.model.validation import validate
+from stewart_pin.model.validation import keep_odd_inertias, validate
 from stewart_pin.typing import ArrayLike
 
 
@@ -27,6 +27,7 @@ def load(
     motors: Sequence[str] | None = None,
     platform: str | None = None,
     gravity: ArrayLike | None = None,
+    odd_inertias: bool = False,
 ) -> ClosedChain:
     """Read a robot with its loops, motors and platform.
 
@@ -48,6 +49,9 @@ def load(
     gravity
         (3,) acceleration of free fall in the world frame [m/s²]; None: what the file states, or else
         (0, 0, -9.81).
+    odd_inertias
+        Whether to keep, with a note in the report, inertias that no real body has, one principal moment being above the
+        sum of the others. SDFormat's are always kept, as its simulators keep them.
 
     Returns
     -------
@@ -73,6 +77,8 @@ def load(
         raise InputError(f"loops must be a path, got {loops!r}")
     side_car = None if loops is None else Path(loops)
     mechanism = read_mechanism(find_robot(name_or_path), loops=side_car)
+    if odd_inertias:
+        mechanism = keep_odd_inertias(mechanism)
     return build_chain(mechanism, motors=motors, platform=platform, gravity=gravity)
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import MechanismError
-from stewart_pin.model.description import LOOP_KINDS, TREE_KINDS, Link, Mechanism
+from stewart_pin.model.description import LOOP_KINDS, TREE_KINDS, Link, Mechanism, Note, Outcome
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9
@@ -84,6 +85,8 @@ class _Validator:
         problem = negative_moment(inertia)
         if problem is None and link.name not in self.mechanism.odd_inertias:
             problem = broken_triangle(inertia)
+            if problem:
+                problem += "; correct its digits, or let load keep it by odd_inertias=True"
         if problem:
             raise self._error(link.name, f"link '{link.name}': {problem}")
         if mass == 0 and np.abs(inertia).max() > 0:
@@ -259,6 +262,28 @@ def broken_triangle(inertia: np.ndarray) -> str | None:
             "inequality: no body has one moment larger than the sum of the other two"
         )
     return None
+
+
+def keep_odd_inertias(mechanism: Mechanism) -> Mechanism:
+    """Let a description pass although no real body has some of its inertias; simulators take those as well.
+
+    Parameters
+    ----------
+    mechanism
+        Description as it was read.
+
+    Returns
+    -------
+    Mechanism
+        The same, with a note for each such link.
+    """
+    odd: dict[str, Note] = {}
+    for link in mechanism.links:
+        problem = None if link.inertia is None else broken_triangle(link.inertia.inertia)
+        if problem:
+            odd[link.name] = Note(f"link '{link.name}'", f"{problem}; check its digits", Outcome.KEPT)
+    notes = (*mechanism.notes, *odd.values())
+    return replace(mechanism, notes=notes, odd_inertias=mechanism.odd_inertias | odd.keys())
 
 
 def is_massless(inertia: pin.Inertia | None) -> bool:

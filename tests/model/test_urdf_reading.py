@@ -294,3 +294,19 @@ def test_another_link_may_be_the_platform(tmp_path: Path) -> None:
 def test_the_motors_are_named_when_none_is_marked(tmp_path: Path) -> None:
     with pytest.raises(MechanismError, match="the candidates are: shoulder, elbow"):
         stp.load(write(tmp_path, robot(*ARM).replace(MOTOR, "")))
+
+
+def test_an_inertia_of_no_real_body_is_refused_or_kept_aloud(tmp_path: Path) -> None:
+    inertia = '<inertia ixx="1" iyy="1" izz="3" ixy="0" ixz="0" iyz="0"/>'
+    path = write(
+        tmp_path,
+        robot(*[part.replace(INERTIAL, f'<inertial><mass value="1"/>{inertia}</inertial>') for part in ARM]),
+    )
+    with pytest.raises(MechanismError, match=r"triangle inequality.*odd_inertias=True"):
+        stp.load(path)
+    chain = stp.load(path, odd_inertias=True)
+    assert "triangle inequality" in str(chain.report)
+    assert (
+        max(np.linalg.eigvalsh(link.inertia.inertia)[-1] for link in chain.mechanism.links if link.inertia)
+        == 3
+    )

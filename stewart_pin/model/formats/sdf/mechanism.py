@@ -18,14 +18,14 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
+from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Outcome
 from stewart_pin.model.formats.sdf.axes import Axis
 from stewart_pin.model.formats.sdf.couplings import is_gearbox, read_gearbox, read_mimics
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope
 from stewart_pin.model.formats.sdf.joints import SdfJoint, ends, link_pose, read_joint
 from stewart_pin.model.formats.sdf.models import open_document
 from stewart_pin.model.formats.sdf.tree import grow_tree
-from stewart_pin.model.validation import broken_triangle
+from stewart_pin.model.validation import keep_odd_inertias
 
 _INERTIA = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 _PLATFORM = "platform"
@@ -104,8 +104,7 @@ def read_sdf(path: Path) -> Mechanism:
     constraints = [loop for scope in scopes for loop in _ball_constraints(scope)]
     frames, mounts = _frames(scopes, poses)
     everywhere = [*links, *tree.links, *frames]
-    odd = _odd_inertias(links)
-    return Mechanism(
+    mechanism = Mechanism(
         name=model.element.get("name", path.stem),
         links=(Link(WORLD), *everywhere),
         joints=(*tree.joints, *mounts),
@@ -114,25 +113,15 @@ def read_sdf(path: Path) -> Mechanism:
         platform=_PLATFORM if any(link.name == _PLATFORM for link in everywhere) else None,
         home=tree.home,
         source=str(path),
-        notes=(*notes, *tree.notes, *odd.values()),
+        notes=(*notes, *tree.notes),
         gravity=gravity,
-        odd_inertias=frozenset(odd),
         assembled=not constraints and _agree(joints, couplings),
     )
+    return keep_odd_inertias(mechanism)
 
 
 def _own_links(scope: Scope) -> list[str]:
     return [scope.reader.name(element) for element in scope.reader.children(scope.element, "link")]
-
-
-def _odd_inertias(links: list[Link]) -> dict[str, Note]:
-    """Find the links whose inertia no real body has; simulators take them, and so must who compares with them."""
-    found: dict[str, Note] = {}
-    for link in links:
-        problem = None if link.inertia is None else broken_triangle(link.inertia.inertia)
-        if problem:
-            found[link.name] = Note(f"link '{link.name}'", f"{problem}; check its digits", Outcome.KEPT)
-    return found
 
 
 def _link(scope: Scope, element: etree._Element, weightless: list[str], floating: set[str]) -> Link:
