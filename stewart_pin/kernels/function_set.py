@@ -24,6 +24,7 @@ from stewart_pin.kernels.graph import (
 from stewart_pin.kernels.graph.conditioning import driven_conditioning, platform_conditioning
 from stewart_pin.kernels.graph.derivatives import dynamics_derivatives, platform_derivatives
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
+from stewart_pin.kernels.graph.geometry_derivatives import geometry_derivatives
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
@@ -63,6 +64,7 @@ _STATE: dict[str, Callable[[ClosedTree], ca.Function]] = {
     "regressor": tree_regressor,
 }
 _DERIVATIVES = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives")
+_GEOMETRY = ("inverse_dynamics_geometry", "forward_dynamics_geometry")
 
 
 class FunctionSet:
@@ -126,7 +128,7 @@ class FunctionSet:
         elif self.placed is None:
             own = [*_DRIVEN, "motor_closing_step"]
         else:
-            own = [*_LEGS, "reactions", "regressor", "closing_step"]
+            own = [*_LEGS, *_GEOMETRY, "reactions", "regressor", "closing_step"]
         return (*own, *_DERIVATIVES, *_TREE)
 
     @property
@@ -167,6 +169,8 @@ class FunctionSet:
                 return platform_derivatives(self.placed, verb)
             function = self.function(verb)
             return dynamics_derivatives(function, None if self.placed is not None else self.driven)
+        if self.placed is not None and name in _GEOMETRY:
+            return geometry_derivatives(self.placed, name.removesuffix("_geometry"))
         if self.placed is not None and name in _LEGS:
             return _LEGS[name](self.placed)
         if name == "motor_closing_step":

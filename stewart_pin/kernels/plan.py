@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -50,6 +51,8 @@ class LegEnd:
         Whether the leg's body is body 1 of the loop.
     hinge
         (3,) axis of a hinge in world axes, dimensionless; None for a ball.
+    shift
+        (3, 1) CasADi symbols added to `other`, in its axes; None for none [m].
     """
 
     body: int
@@ -58,6 +61,7 @@ class LegEnd:
     index: tuple[int, ...]
     body_first: bool
     hinge: FloatArray | None = None
+    shift: Any = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +82,8 @@ class Leg:
         ``(motor, tangent entry)`` of each motor in it.
     home
         Home position of each of its joints [m, rad, unit quaternion].
+    shift
+        (3, 1) CasADi symbols by which its root is moved in what it hangs on; None for none [m].
     """
 
     on_platform: bool
@@ -86,6 +92,7 @@ class Leg:
     ends: tuple[LegEnd, ...]
     motors: tuple[tuple[int, int], ...]
     home: tuple[FloatArray, ...]
+    shift: Any = None
 
     @property
     def name(self) -> str:

@@ -261,6 +261,76 @@ class Kernels:
         """
         return self._call("forward_dynamics_derivatives", (pose, twist, tau_motor), status, threads)
 
+    def inverse_dynamics_geometry(
+        self,
+        pose: ArrayLike,
+        twist: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        status: np.ndarray | None = None,
+        threads: int = 1,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Differentiate the motor efforts with respect to where the legs are attached.
+
+        Parameters
+        ----------
+        pose, twist, acceleration
+            Motion of the platform [m, unit quaternion; per s; per s²].
+        status
+            (N,) int8 array for the codes of the states, dimensionless.
+        threads
+            Number of threads.
+
+        Returns
+        -------
+        by_base, by_platform : numpy.ndarray
+            (N, nu, 18) each [N/m]: per x, y, z of the point where each leg stands, in world axes, and of the point
+            where it carries the platform, in platform axes; legs in the order of their motors. The motion of the
+            platform is held, and the bodies keep their inertia about the joints that carry them.
+
+        Raises
+        ------
+        UnsupportedError
+            If the platform has not six freedoms and six motors on legs that stand on the ground.
+        """
+        self._require_geometry("inverse_dynamics_geometry")
+        return self._call("inverse_dynamics_geometry", (pose, twist, acceleration), status, threads)
+
+    def forward_dynamics_geometry(
+        self,
+        pose: ArrayLike,
+        twist: ArrayLike,
+        tau_motor: ArrayLike,
+        *,
+        status: np.ndarray | None = None,
+        threads: int = 1,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Differentiate the acceleration under motor efforts with respect to where the legs are attached.
+
+        Parameters
+        ----------
+        pose, twist
+            State of the platform [m, unit quaternion; per s].
+        tau_motor
+            (N, nu) motor efforts [N or N m].
+        status
+            (N,) int8 array for the codes of the states, dimensionless.
+        threads
+            Number of threads.
+
+        Returns
+        -------
+        by_base, by_platform : numpy.ndarray
+            (N, 6, 18) each [1/s², 1/(m s²)], in the order of `inverse_dynamics_geometry`.
+
+        Raises
+        ------
+        UnsupportedError
+            If the platform has not six freedoms and six motors on legs that stand on the ground.
+        """
+        self._require_geometry("forward_dynamics_geometry")
+        return self._call("forward_dynamics_geometry", (pose, twist, tau_motor), status, threads)
+
     def regressor(
         self,
         pose: ArrayLike,
@@ -458,6 +528,11 @@ class Kernels:
             value[~solved.closed] = np.nan
             given.append(value[0] if single else value)
         return given[0] if len(given) == 1 else tuple(given)
+
+    def _require_geometry(self, verb: str) -> None:
+        if verb not in self.names:
+            why = self._functions.why_whole_tree
+            raise UnsupportedError(f"{verb} needs legs in closed form: {why}")
 
     def _require_platform(self, verb: str) -> None:
         if self.coordinates != "platform":

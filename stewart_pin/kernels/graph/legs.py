@@ -10,6 +10,7 @@ one elimination of Jᵀ serves both. Motor efforts stay unknown: forces are thos
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -21,10 +22,13 @@ from stewart_pin.kernels.graph.joint_efforts import Wrench, carry_down, efforts_
 from stewart_pin.kernels.graph.joint_motion import Placements, RootMotion, motions, placements
 from stewart_pin.kernels.graph.leg_positions import LegPositions, leg_positions
 from stewart_pin.kernels.graph.platform_motion import PlatformMotion
-from stewart_pin.kernels.plan import Leg
+from stewart_pin.kernels.plan import Leg, LegEnd
 from stewart_pin.kernels.samples import at_samples
 from stewart_pin.kernels.spatial import constant, skew
 from stewart_pin.typing import FloatArray
+
+Samples = tuple[Sequence[ca.SX], Sequence[FloatArray]]
+"""Symbols, and values of each at samples."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +50,7 @@ class PlacedLeg:
     idle
         (nv, n) motions that its ends do not see.
     samples
-        The pose, and (samples, 7) values of it [m, unit quaternion].
+        Symbols that it depends on, and (samples, n) values of each [m, unit quaternion].
     """
 
     leg: Leg
@@ -55,7 +59,7 @@ class PlacedLeg:
     targets: tuple[ca.SX, ...]
     reduced: Elimination
     idle: ca.SX
-    samples: tuple[ca.SX, FloatArray]
+    samples: Samples
 
     @property
     def score(self) -> float:
@@ -108,9 +112,7 @@ class PlacedLeg:
         return path
 
 
-def place_leg(
-    leg: Leg, moving: PlatformMotion, pose: ca.SX, samples: FloatArray, scale: FloatArray
-) -> PlacedLeg:
+def place_leg(leg: Leg, moving: PlatformMotion, samples: Samples, scale: FloatArray) -> PlacedLeg:
     """Place a leg and eliminate the Jacobian of its ends.
 
     Parameters
@@ -119,10 +121,8 @@ def place_leg(
         The leg.
     moving
         Motion of the platform.
-    pose
-        (7, 1) symbols that it depends on.
     samples
-        (samples, 7) poses [m, unit quaternion].
+        Symbols that it depends on, and (samples, n) values of each [m, unit quaternion].
     scale
         (nv,) natural sizes of the leg's tangent entries [m or rad].
 
@@ -136,7 +136,7 @@ def place_leg(
     UnsupportedError
         If the leg has no closed form.
     """
-    targets = tuple(_target(leg, moving, end.other) for end in leg.ends)
+    targets = tuple(_target(leg, moving, end) for end in leg.ends)
     positions = leg_positions(leg, targets)
     at = placements(leg.joints, positions.moved)
     columns = [
@@ -144,16 +144,22 @@ def place_leg(
         for end in leg.ends
     ]
     transpose = ca.horzcat(*columns)
-    values = at_samples([pose], [samples], transpose) * scale[:, None]
+    values = at_samples(*samples, transpose) * scale[:, None]
     reduced = Elimination(transpose, plan_pivots(values, list(range(transpose.shape[1]))))
     idle = reduced.forward(ca.SX.eye(leg.nv))[list(reduced.pivots.rows), :].T
-    return PlacedLeg(leg, positions, at, targets, reduced, idle, (pose, samples))
+    return PlacedLeg(leg, positions, at, targets, reduced, idle, samples)
 
 
-def _target(leg: Leg, moving: PlatformMotion, other: FloatArray) -> ca.SX:
+def _target(leg: Leg, moving: PlatformMotion, end: LegEnd) -> ca.SX:
     if leg.on_platform:
-        return moving.rotation.T @ (constant(other) - moving.position)
-    return moving.position + moving.rotation @ constant(other)
+        return moving.rotation.T @ (_other(end) - moving.position)
+    target = moving.position + moving.rotation @ _other(end)
+    # Nothing depends on where on the ground a leg stands, but on where its ends are from there.
+    return target if leg.shift is None else target - leg.shift
+
+
+def _other(end: LegEnd) -> ca.SX:
+    return constant(end.other) if end.shift is None else constant(end.other) + end.shift
 
 
 def _forces_at(point: ca.SX, forces: ca.SX) -> Wrench:
@@ -182,7 +188,7 @@ def leg_rates(placed: PlacedLeg, moving: PlatformMotion) -> ca.SX:
             carried = moving.velocity + ca.cross(moving.omega, moving.rotation @ placed.targets[k])
             velocity = -(moving.rotation.T @ carried)
         else:
-            velocity = moving.velocity + ca.cross(moving.omega, moving.rotation @ constant(end.other))
+            velocity = moving.velocity + ca.cross(moving.omega, moving.rotation @ _other(end))
         relative.append(placed.to_ends(velocity, k))
     rates = placed.reduced.transposed(ca.vertcat(*relative))
     if placed.idle.shape[1]:
@@ -195,8 +201,7 @@ def leg_rates(placed: PlacedLeg, moving: PlatformMotion) -> ca.SX:
 
 
 def _at(placed: PlacedLeg, matrix: ca.SX) -> FloatArray:
-    pose, samples = placed.samples
-    return at_samples([pose], [samples], matrix)
+    return at_samples(*placed.samples, matrix)
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,7 +281,7 @@ def leg_inertia(placed: PlacedLeg, moving: PlatformMotion) -> ca.SX:
     casadi.SX
         (6, 6), symmetric: wrench that accelerates the leg, per acceleration of the platform, in world axes.
     """
-    leg, arms = placed.leg, [moving.rotation @ constant(end.other) for end in placed.leg.ends]
+    leg, arms = placed.leg, [moving.rotation @ _other(end) for end in placed.leg.ends]
     if leg.on_platform:
         columns = []
         still = ca.SX.zeros(leg.nv)
@@ -330,7 +335,7 @@ def _felt_at_ends(placed: PlacedLeg, moving: PlatformMotion) -> list[ca.SX]:
         if placed.leg.on_platform:
             felt.append(placed.to_ends(moving.rotation.T @ constant(-moving.gravity), k))
         else:
-            arm = moving.rotation @ constant(end.other)
+            arm = moving.rotation @ _other(end)
             felt.append(placed.to_ends(moving.felt + moving.turning @ arm, k))
     return felt
 
@@ -384,7 +389,7 @@ def _on_platform(
         total = ca.SX.zeros(6)
         for k, end in enumerate(leg.ends):
             force = -placed.from_end(forces[k], k)
-            total = total + ca.vertcat(force, ca.cross(moving.rotation @ constant(end.other), force))
+            total = total + ca.vertcat(force, ca.cross(moving.rotation @ _other(end), force))
         return total
     net = dict(wrenches)
     zero = ca.SX.zeros(3)

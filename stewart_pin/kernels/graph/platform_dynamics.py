@@ -21,6 +21,7 @@ from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.legs import (
     LegForces,
     PlacedLeg,
+    Samples,
     leg_forces,
     leg_inertia,
     leg_rates,
@@ -51,11 +52,14 @@ class PlacedPlatform:
         (7, 1) symbols.
     legs
         Its legs.
+    shifts
+        (n, 1) symbols by which the ends of its legs are moved, or None.
     """
 
     plan: PlatformPlan
     pose: ca.SX
     legs: tuple[PlacedLeg, ...]
+    shifts: ca.SX | None = None
 
     @property
     def twist_scale(self) -> FloatArray:
@@ -76,7 +80,7 @@ class PlacedPlatform:
         numpy.ndarray
             (samples, m, n), in the same unit as the matrix.
         """
-        return at_samples([self.pose], [self.plan.poses], matrix)
+        return at_samples(*_samples(self.plan, self.pose, self.shifts), matrix)
 
     def infeasible(self, *motions: ca.SX) -> dict[str, ca.SX]:
         """Measure what the platform cannot do of a demand, where there is such a thing.
@@ -119,13 +123,21 @@ class PlacedPlatform:
         return constant(self.plan.twists).T @ wrenches
 
 
-def place_platform(plan: PlatformPlan) -> PlacedPlatform:
+def _samples(plan: PlatformPlan, pose: ca.SX, shifts: ca.SX | None) -> Samples:
+    if shifts is None:
+        return [pose], [plan.poses]
+    return [pose, shifts], [plan.poses, np.zeros((len(plan.poses), shifts.shape[0]))]
+
+
+def place_platform(plan: PlatformPlan, shifts: ca.SX | None = None) -> PlacedPlatform:
     """Place platform and legs at a symbolic pose.
 
     Parameters
     ----------
     plan
         The chain, taken apart.
+    shifts
+        (n, 1) symbols that its legs and their ends hold as shifts, or None.
 
     Returns
     -------
@@ -144,8 +156,8 @@ def place_platform(plan: PlatformPlan) -> PlacedPlatform:
     for leg in plan.legs:
         joints = [plan.tree.joints[body - 1] for body in leg.bodies]
         entries = np.concatenate([np.arange(joint.v.start, joint.v.stop) for joint in joints])
-        legs.append(place_leg(leg, moving, pose, plan.poses, scale[entries]))
-    return PlacedPlatform(plan, pose, tuple(legs))
+        legs.append(place_leg(leg, moving, _samples(plan, pose, shifts), scale[entries]))
+    return PlacedPlatform(plan, pose, tuple(legs), shifts)
 
 
 def inverse_dynamics_function(placed: PlacedPlatform) -> ca.Function:
