@@ -21,7 +21,6 @@ from stewart_pin.kernels.compile_function import compile_function
 from stewart_pin.kernels.instructions import program_from_casadi
 from stewart_pin.kernels.preparing import prepare
 from stewart_pin.kernels.program import Program
-from stewart_pin.kernels.repeating import Repeat
 from stewart_pin.kernels.status import StateBound, StateStatus
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 
@@ -168,10 +167,18 @@ def test_threads_hold_the_arrays_that_they_work_on(monkeypatch: pytest.MonkeyPat
         raise KeyboardInterrupt
 
     x = ca.SX.sym("x")
-    function = ca.Function("f", [x], [x * 1.0000001, x < 0], ["x"], ["y", "gap"])
-    kernel = compile_function(function, repeat=Repeat("x", "y", "gap", 0.0, 600_000))
+    kernel = compile_function(ca.Function("f", [x], [2 * x], ["x"], ["y"]))
+    gate, code = threading.Event(), kernel._code
+    assert code is not None
+
+    def gated(begin: int, end: int, table: object) -> None:
+        if begin:  # the caller's own share is not held up
+            gate.wait()
+        code(begin, end, table)
+
+    monkeypatch.setattr(kernel, "_code", gated)
     before = set(threading.enumerate())
-    states = np.repeat([[1.0], [-1.0]], 1024, axis=0)  # the caller's own half is done at once
+    states = np.ones((2048, 1))
     alive = weakref.ref(states)
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(threading.Thread, "join", interrupted)
@@ -179,10 +186,11 @@ def test_threads_hold_the_arrays_that_they_work_on(monkeypatch: pytest.MonkeyPat
     del states
     gc.collect()
     held, left = alive() is not None, set(threading.enumerate()) - before
-    assert held
-    assert left
+    gate.set()
     for thread in left:
         thread.join()
+    assert held and left
+    del thread, left
     gc.collect()
     assert alive() is None
 
