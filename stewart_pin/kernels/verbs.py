@@ -522,11 +522,10 @@ class Kernels:
                 raise InputError(f"status must be an int8 array of shape {solved.closed.shape}")
             status[:] = StateStatus.OK if codes is None else codes
             status[~solved.closed] = StateStatus.OUT_OF_BOUNDS
-        given = []
-        for value in values:
-            value = np.array(value)
-            value[~solved.closed] = np.nan
-            given.append(value[0] if single else value)
+        if not solved.closed.all():
+            for value in values:
+                value[~solved.closed] = np.nan
+        given = [value[0] if single else value for value in values]
         return given[0] if len(given) == 1 else tuple(given)
 
     def _require_geometry(self, verb: str) -> None:

@@ -118,10 +118,11 @@ def newton_step_function(placed: PlacedPlatform) -> ca.Function:
         values = placed.values(matrix) * scale[:, None] * scale
     step = share * constant(twists) @ solve_square(matrix, right, values, "the pose")[0]
     pose_next = ca.vertcat(placed.pose[:3] + step[:3], turned_by_small(placed.pose[3:], step[3:]))
+    beside = placed.infeasible().values()
     return shared(
         "forward_kinematics_step",
         {"pose": placed.pose, "q_motor": q_motor, "share": share},
-        {"pose_next": pose_next, "gap": ca.vertcat(gap / constant(size), *placed.infeasible().values())},
+        {"pose_next": pose_next, "gap": ca.sum1(ca.fabs(ca.vertcat(gap / constant(size), *beside)))},
     )
 
 
