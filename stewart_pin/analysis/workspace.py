@@ -7,6 +7,7 @@ at most as much as the position does, which makes the volume bounds below rigoro
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths, leg_vectors
 from stewart_pin.geometry.rotations import as_rotation
+from stewart_pin.kernels.hexapod_lengths import lengths_at
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _ACROSS = 60
@@ -116,6 +118,7 @@ def sample_workspace(
     sheet: str = "upper",
     spacing: float | None = None,
     length: float | None = None,
+    kernels: bool | None = None,
 ) -> WorkspaceSamples:
     """Sample the positions that a platform can take at one orientation.
 
@@ -135,6 +138,8 @@ def sample_workspace(
     length
         Length that divides the moments of the Jacobian; default: root mean square distance of the platform points
         from the platform origin [m].
+    kernels
+        Whether compiled code computes the leg lengths; None: for grids of millions of points.
 
     Returns
     -------
@@ -172,12 +177,14 @@ def sample_workspace(
     if sheet == "lower":
         start[2] = bounds[1, 2] - cells[2] * spacing
     shape = tuple(int(n) for n in cells)
-    return _evaluate(hexapod, rotation, (low, high), start, bounds, shape, spacing, length)
+    lengths = lengths_at(hexapod, rotation, int(cells.prod()), kernels)
+    return _evaluate(hexapod, rotation, lengths, (low, high), start, bounds, shape, spacing, length)
 
 
 def _evaluate(
     hexapod: Hexapod,
     rotation: FloatArray,
+    lengths: Callable[[FloatArray], FloatArray],
     stroke: tuple[float, float],
     start: FloatArray,
     bounds: FloatArray,
@@ -190,7 +197,7 @@ def _evaluate(
     total = int(np.prod(shape))
     for first in range(0, total, _CHUNK):
         index = np.stack(np.unravel_index(np.arange(first, min(first + _CHUNK, total)), shape), axis=-1)
-        clearance, leg, end = _clearance(hexapod, start + (index + 0.5) * spacing, rotation, stroke)
+        clearance, leg, end = _clearance(lengths(start + (index + 0.5) * spacing), stroke)
         near = clearance > -reach
         kept.append((index[near], clearance[near], leg[near], end[near]))
     if not kept:
@@ -249,7 +256,8 @@ def _bounds(hexapod: Hexapod, rotation: FloatArray, stroke: tuple[float, float],
             return nothing
         side = (box[1] - box[0]) / _COARSE
         index = np.stack(np.meshgrid(*[np.arange(_COARSE)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-        clearance, _, _ = _clearance(hexapod, box[0] + (index + 0.5) * side, rotation, stroke)
+        lengths = leg_lengths(hexapod, box[0] + (index + 0.5) * side, rotation)
+        clearance, _, _ = _clearance(lengths, stroke)
         left = index[clearance > -np.linalg.norm(side) / 2]
         if not len(left):
             return nothing
@@ -257,11 +265,8 @@ def _bounds(hexapod: Hexapod, rotation: FloatArray, stroke: tuple[float, float],
     return box
 
 
-def _clearance(
-    hexapod: Hexapod, position: FloatArray, rotation: FloatArray, stroke: tuple[float, float]
-) -> tuple[FloatArray, np.ndarray, np.ndarray]:
+def _clearance(lengths: FloatArray, stroke: tuple[float, float]) -> tuple[FloatArray, np.ndarray, np.ndarray]:
     """Least distance of a leg length from a limit, the leg, and the end of its stroke."""
-    lengths = leg_lengths(hexapod, position, rotation)
     ends = np.concatenate([lengths - stroke[0], stroke[1] - lengths], axis=-1)
     worst = ends.argmin(axis=-1)
     clearance = np.take_along_axis(ends, worst[:, None], axis=-1)[:, 0]

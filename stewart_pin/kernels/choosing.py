@@ -53,7 +53,7 @@ def kernels_for(chain: ClosedChain, states: int, wanted: bool | None = None) -> 
     InputError
         If `wanted` is neither True, False nor None.
     """
-    _require_choice(wanted)
+    require_choice(wanted)
     if wanted is False or (wanted is None and states < HANDFUL):
         return None
     try:
@@ -90,7 +90,7 @@ def acceleration_kernel(chain: ClosedChain, calls: int, wanted: bool | None = No
     InputError
         If `wanted` is neither True, False nor None.
     """
-    _require_choice(wanted)
+    require_choice(wanted)
     if wanted is False or (wanted is None and calls < MANY_CALLS):
         return None
     try:
@@ -101,7 +101,19 @@ def acceleration_kernel(chain: ClosedChain, calls: int, wanted: bool | None = No
         return None
 
 
-def _require_choice(wanted: bool | None) -> None:
+def require_choice(wanted: bool | None) -> None:
+    """Refuse what is no choice between kernels and the verbs of one state.
+
+    Parameters
+    ----------
+    wanted
+        What the caller passed.
+
+    Raises
+    ------
+    InputError
+        If it is neither True, False nor None.
+    """
     if wanted not in (True, False, None):
         raise InputError(f"kernels must be True, False or None (by the number of states), got {wanted!r}")
 

@@ -163,3 +163,17 @@ def test_bad_input_is_named(report_cad: stp.Hexapod, options, words) -> None:
 def test_bad_rotation_is_named(report_cad: stp.Hexapod) -> None:
     with pytest.raises(InputError, match="rotation must have shape"):
         stp.sample_workspace(report_cad, np.stack([LEVEL, LEVEL]), stroke=STROKE)
+
+
+def test_kernels_change_nothing(report_cad: stp.Hexapod) -> None:
+    """Distances by compiled code: the same cells, clearances to round-off."""
+    turned = rotation_from_rpy(0.1, -0.05, 0.2)
+    runs = [
+        stp.sample_workspace(report_cad, turned, stroke=(2.20147, 2.70147), spacing=0.1, kernels=choice)
+        for choice in (True, False)
+    ]
+    np.testing.assert_array_equal(runs[0].index, runs[1].index)
+    np.testing.assert_allclose(runs[0].clearance, runs[1].clearance, atol=1e-14)
+    np.testing.assert_array_equal(runs[0].limiting_leg, runs[1].limiting_leg)
+    with pytest.raises(InputError, match="kernels must be True, False or None"):
+        stp.sample_workspace(report_cad, turned, stroke=(2.2, 2.7), kernels="yes")  # type: ignore[arg-type]
