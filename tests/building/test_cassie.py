@@ -147,7 +147,7 @@ def test_forward_and_inverse_dynamics_undo_each_other(
         assert np.abs(again.a - motion.a).max() <= 1e-9 * np.abs(motion.a).max()
 
 
-@pytest.mark.parametrize("name", PLANAR_FEET, scope="module")
+@pytest.mark.parametrize("name", PLANAR_FEET, indirect=True)
 def test_three_formulations_agree_with_the_pelvis_held(
     chain: stp.ClosedChain, name: str, rng: np.random.Generator
 ) -> None:
@@ -164,7 +164,7 @@ def test_three_formulations_agree_with_the_pelvis_held(
             assert np.abs(effort.tau_motor - tau).max() <= 1e-8 * np.abs(tau).max(), method
 
 
-@pytest.mark.parametrize("name", ["cassie_reduced"], scope="module")
+@pytest.mark.parametrize("name", ["cassie_reduced"], indirect=True)
 def test_pinocchios_own_constraints_agree(chain: stp.ClosedChain, rng: np.random.Generator) -> None:
     """The only file whose loops are points and whose rows are independent."""
     q = chain.q_home
