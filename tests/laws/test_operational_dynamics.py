@@ -38,13 +38,14 @@ def test_the_map_keeps_loops_closed_and_gives_the_rates(held: Case, coordinates:
     size = np.abs(found.G).max()
     assert np.abs(stp.loop_jacobian(chain, held.q) @ found.G).max(initial=0.0) <= 1e-12 * size
     # The rates are the motors' and the platform's own.
+    tolerance = round_off(held, 1e-11)
     if coordinates == "motor":
-        close(found.G[chain.motor_index], np.eye(chain.nu), 1e-11)
+        close(found.G[chain.motor_index], np.eye(chain.nu), tolerance)
         close(found.rate, held.v[chain.motor_index], 1e-12)
     else:
         twist = motion_matrix(chain, held.q)[chain.nc :]
-        close(twist @ found.G, found.coordinates.basis, 1e-11)
-        close(found.coordinates.basis @ found.rate, twist @ held.v, 1e-11)
+        close(twist @ found.G, found.coordinates.basis, tolerance)
+        close(found.coordinates.basis @ found.rate, twist @ held.v, tolerance)
 
 
 def test_motors_and_platform_tell_one_motion(held: Case) -> None:
