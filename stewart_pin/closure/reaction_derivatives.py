@@ -60,7 +60,7 @@ def reaction_forces(chain: ClosedChain, q: Configuration, lambda_c: FloatArray) 
     for k in range(len(chain.loops)):
         at = LoopEnds(chain, data, k)
         delta = at.displacement()
-        wrench, change = _wrench(chain, k, at, delta, lambda_c)
+        wrench, change = loop_wrench(chain, k, at, delta, lambda_c)
         force = pin.Force(wrench)
         forces[at.joint2] += at.frame2.act(at.placement.actInv(force))
         forces[at.joint1] -= at.frame1.act(force)
@@ -73,10 +73,31 @@ def reaction_forces(chain: ClosedChain, q: Configuration, lambda_c: FloatArray) 
     return ReactionForces(vector, efforts, derivative)
 
 
-def _wrench(
+def loop_wrench(
     chain: ClosedChain, k: int, at: LoopEnds, delta: FloatArray, lambda_c: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Wrench of loop k on link 2 at the origin of frame 1, in its axes (6,), and its derivative (6, nv)."""
+    """Add up the reactions of one loop.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    k
+        Number of the loop.
+    at
+        Its ends.
+    delta
+        (6, nv) displacement of frame 2 relative to frame 1 per tangent entry [m, rad].
+    lambda_c
+        (nc,) multipliers of the rows [N, N m].
+
+    Returns
+    -------
+    wrench : numpy.ndarray
+        (6,) force and moment on link 2 at the origin of frame 1, in its axes [N, N m].
+    change : numpy.ndarray
+        (6, nv) its derivative for fixed multipliers [N, N m per m or rad].
+    """
     table, moved = chain.loop_table, at.moved(delta)
     wrench, change = np.zeros(6), np.zeros((6, chain.nv))
     for i in np.flatnonzero(table.normal.loop == k):

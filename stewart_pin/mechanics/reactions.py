@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.checks import as_array
-from stewart_pin.closure.reaction_derivatives import reaction_forces
+from stewart_pin.closure.reaction_derivatives import loop_wrench, reaction_forces
+from stewart_pin.closure.relative_motion import LoopEnds
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.effort import Effort
 from stewart_pin.model.chain import ClosedChain, as_configuration
@@ -85,7 +86,7 @@ def joint_reactions(chain: ClosedChain, q: ArrayLike, v: ArrayLike, effort: Effo
     """
     q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
     model, data = chain.model, pin.Data(chain.model)
-    pin.forwardKinematics(model, data, q)  # rnea leaves the placements in the world alone
+    pin.computeJointJacobians(model, data, q)  # and placements in the world, which rnea leaves alone
     loops = reaction_forces(chain, q, effort.lambda_c)
     balance = np.array(pin.rnea(model, data, q, v, effort.a, loops.forces)) - loops.efforts
     carried = float(np.abs(balance).max(initial=0.0))
@@ -117,25 +118,14 @@ def joint_reactions(chain: ClosedChain, q: ArrayLike, v: ArrayLike, effort: Effo
 
 
 def _loop_reactions(chain: ClosedChain, data: pin.Data, effort: Effort) -> list[Reaction]:
-    table, reactions = chain.loop_table, []
+    reactions = []
     for k, loop in enumerate(chain.loops):
-        own = np.zeros_like(effort.lambda_c)
-        own[table.slices[k]] = effort.lambda_c[table.slices[k]]
-        joint = table.joint2[k]
-        frame2 = pin.SE3(table.rotation2[k], table.translation2[k])
-        frame1 = data.oMi[table.joint1[k]] * pin.SE3(table.rotation1[k], table.translation1[k])
-        # Rows are forces and moments on link 2, in axes of frame 1, at the origin of frame 2.
-        apart = frame1.actInv(data.oMi[joint] * frame2)
-        force, moment = np.zeros(3), np.zeros(3)
-        for rows, vectors in ((table.normal, table.normal.vector1), (table.angle, table.angle.vector1)):
-            for i in np.flatnonzero(rows.loop == k):
-                if rows is table.normal:
-                    force += own[rows.index[i]] * vectors[i]
-                else:
-                    moment += own[rows.index[i]] * np.cross(apart.rotation @ rows.vector2[i], vectors[i])
-        for i in np.flatnonzero(table.rod.loop == k):
-            force += own[table.rod.index[i]] * apart.translation / np.linalg.norm(apart.translation)
-        here = pin.SE3(frame1.rotation, np.array((data.oMi[joint] * frame2).translation))
+        ends = LoopEnds(chain, data, k)
+        wrench, _ = loop_wrench(chain, k, ends, ends.displacement(), effort.lambda_c)
+        # From the origin of frame 1 to that of frame 2.
+        force, moment = wrench[:3], wrench[3:] - np.cross(ends.t, wrench[:3])
+        frame1 = data.oMi[ends.joint1] * ends.frame1
+        here = pin.SE3(frame1.rotation, frame1.act(ends.t))
         reactions.append(
             _reaction(
                 loop.name,

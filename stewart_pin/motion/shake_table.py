@@ -203,35 +203,6 @@ def fit_to_limits(
     return _report(chain, motion, low, full, margin)
 
 
-def scale_about_home(samples: PlatformSamples, chain: ClosedChain) -> Callable[[float], PlatformSamples]:
-    """Make a motion that shrinks to the home pose out of one that keeps the orientation.
-
-    Parameters
-    ----------
-    samples
-        Motion at scale 1.
-    chain
-        Closed chain, whose home is the motion at scale 0.
-
-    Returns
-    -------
-    callable
-        Factor to motion.
-    """
-    home = platform_pose(chain, chain.q_home).translation
-
-    def scaled(factor: float) -> PlatformSamples:
-        return PlatformSamples(
-            samples.time,
-            home + factor * (samples.position - home),
-            samples.rotation,
-            factor * samples.twist,
-            factor * samples.acceleration,
-        )
-
-    return scaled
-
-
 def _report(
     chain: ClosedChain,
     motion: Callable[[float], PlatformSamples],

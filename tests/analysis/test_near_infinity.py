@@ -92,3 +92,12 @@ def test_systems_in_extended_precision(rng: np.random.Generator) -> None:
     residual = np.abs(a.astype(EXTENDED) @ more - b).max()
     # Condition below 1e3 in this draw.
     assert residual < 1e4 * np.finfo(EXTENDED).eps
+
+
+@pytest.mark.parametrize(("name", "number"), [("5-5 disjoint", 5526), ("affine planar", 9211)])
+def test_nearly_double_poses_are_reported(name: str, number: int) -> None:
+    """Two poses so near each other that doubles count one, or one that they count twice: the record says so."""
+    hexapod, *pose = draw(name, np.random.default_rng((1, number)))
+    modes = stp.assembly_modes(hexapod, stp.leg_lengths(hexapod, *pose))
+    assert not modes.certified.all()
+    assert modes.n_complex == CLASSES[name][0] or modes.n_complex < modes.expected or not modes.complete

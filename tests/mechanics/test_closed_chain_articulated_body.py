@@ -47,18 +47,22 @@ def lcaba(chain: stp.ClosedChain, q, v, tau_motor) -> np.ndarray:
 @pytest.mark.parametrize("name", WITH_LOOPS)
 def test_four_forward_dynamics_agree(name: str, rng: np.random.Generator) -> None:
     chain = stp.load(name)
-    redundant = stp.mobility(chain).redundant_rows
+    mobility = stp.mobility(chain)
     for _ in range(5):
         q, v, tau = closed_state(chain, rng)
         ours = stp.closed_chain_articulated_body(chain, q, v, tau)
         projection = stp.forward_dynamics(chain, q, v, tau)
         assert distance(ours.a, projection.a) <= 1e-9
         assert distance(ours.lambda_c, projection.lambda_c) <= 1e-9
-        if {loop.kind for loop in chain.loops} <= {JointKind.SPHERICAL, JointKind.FIXED} and not redundant:
+        if {loop.kind for loop in chain.loops} <= {
+            JointKind.SPHERICAL,
+            JointKind.FIXED,
+        } and not mobility.redundant_rows:
             constraint = stp.forward_dynamics(chain, q, v, tau, method="constraint_dynamics")
             assert distance(ours.a, constraint.a) <= 1e-9
-            # Its proximal iterations leave 1e-7 of the accelerations of thin rods, 1e-4 times as heavy as the rest.
-            assert distance(ours.a, lcaba(chain, q, v, tau)) <= 1e-6
+            # Its proximal iterations leave 1e-7 of the accelerations of thin rods, which may spin and have 1e-4 times
+            # the inertia of the rest.
+            assert distance(ours.a, lcaba(chain, q, v, tau)) <= (1e-6 if mobility.idle else 1e-9)
 
 
 @pytest.mark.parametrize("kind", LOOP_KINDS)

@@ -34,7 +34,8 @@ class AssemblyModes:
         moves with all legs locked. The poses are then the isolated ones only.
     complete
         Whether every path was accounted for: the number of solutions is the generic one, or two searches from
-        unrelated start systems agree and none of their paths failed. False means that poses may be missing.
+        unrelated start systems agree and none of their paths failed. False means that poses may be missing, or
+        that one which is nearly double has been counted twice.
     expected
         Finite complex solutions, with multiplicity, that the paths account for; the generic number of the
         geometry when that is known.

@@ -170,15 +170,17 @@ def _solve(
     position, rotation = scaling.pose(np.vstack([regular, singular]))
     certified = np.concatenate([certified, np.zeros(len(singular), dtype=bool)])
     residual = np.abs(leg_lengths(hexapod, position, rotation) - lengths).max(axis=1, initial=0.0)
+    n_complex = len(found.regular) + len(clusters)
     order = np.lexsort(np.round(position / scaling.size, 9).T)[::-1]
     return AssemblyModes(
         position[order],
         rotation[order],
         residual[order],
         certified[order],
-        len(found.regular) + len(clusters),
+        n_complex,
         "positive-dimensional" if curve else "finite",
-        found.complete and sure,
+        # More solutions than paths account for: one that is nearly double has been taken for two.
+        found.complete and sure and n_complex <= found.expected,
         found.expected,
         found.failed,
         found.searches,
