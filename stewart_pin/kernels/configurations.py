@@ -7,8 +7,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.array_kernel import ArrayKernel
-from stewart_pin.kernels.newton import Solved, damped_newton
+from stewart_pin.kernels.newton import NewtonSteps, Solved, damped_newton
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -17,15 +16,15 @@ UNIT = 2e-6
 """Deviation of a squared quaternion from 1: twice that of its length which the one-state verbs allow."""
 
 
-def starts(chain: ClosedChain, step: ArrayKernel, beside: FloatArray, *, on_platform: bool) -> FloatArray:
+def starts(chain: ClosedChain, steps: NewtonSteps, beside: FloatArray, *, on_platform: bool) -> FloatArray:
     """Choose where Newton's method starts: at home, or beside it where home is singular as a stretched arm is.
 
     Parameters
     ----------
     chain
         Closed chain.
-    step
-        Kernel of ``(q, target, share) -> (q_next, gap)``.
+    steps
+        Towards closed loops and a target.
     beside
         (n, nq) closed configurations around home [m, rad, unit quaternions].
     on_platform
@@ -38,17 +37,17 @@ def starts(chain: ClosedChain, step: ArrayKernel, beside: FloatArray, *, on_plat
     """
     home = chain.q_home
     target = pin.SE3ToXYZQUAT(platform_pose(chain, home)) if on_platform else home[chain.motor_q_index]
-    stays = step(home, target, np.ones(1))[0]
+    stays = steps.double(home, target)[0]
     return home[None] if np.allclose(stays, home, atol=1e-6) else beside
 
 
-def configurations(step: ArrayKernel, begin: FloatArray, targets: FloatArray, *, threads: int = 1) -> Solved:
+def configurations(steps: NewtonSteps, begin: FloatArray, targets: FloatArray, *, threads: int = 1) -> Solved:
     """Find the configurations that meet targets.
 
     Parameters
     ----------
-    step
-        Kernel of ``(q, target, share) -> (q_next, gap)``.
+    steps
+        Towards closed loops and a target.
     begin
         (n, nq) configurations to try in turn [m, rad, unit quaternions].
     targets
@@ -64,7 +63,7 @@ def configurations(step: ArrayKernel, begin: FloatArray, targets: FloatArray, *,
     found: Solved | None = None
     for q in begin:
         left = np.arange(len(targets)) if found is None else np.flatnonzero(~found.closed)
-        solved = damped_newton(step, np.broadcast_to(q, (len(left), len(q))), targets[left], threads=threads)
+        solved = damped_newton(steps, np.broadcast_to(q, (len(left), len(q))), targets[left], threads=threads)
         found = solved if found is None else found.with_rows(left, solved)
     assert found is not None
     return found
@@ -113,10 +112,11 @@ def with_unit_quaternions(poses: FloatArray) -> FloatArray:
     numpy.ndarray
         (N, 7) with nan for these [m, unit quaternion].
     """
-    poses = np.array(poses)
     square = np.einsum("ni,ni->n", poses[:, 3:], poses[:, 3:])
-    poses[~(np.abs(square - 1) <= UNIT)] = np.nan
-    return poses
+    unit = np.abs(square - 1) <= UNIT
+    if unit.all():
+        return poses
+    return np.where(unit[:, None], poses, np.nan)
 
 
 def as_poses(position: FloatArray, rotation: FloatArray) -> FloatArray:

@@ -207,6 +207,22 @@ class Elimination:
             values[j] = rest / self.rows[i][j]
         return values
 
+    def solve(self, right: ca.SX) -> ca.SX:
+        """Solve the system, where it is square and has all its pivots.
+
+        Parameters
+        ----------
+        right
+            (n, k) right-hand sides.
+
+        Returns
+        -------
+        casadi.SX
+            (n, k).
+        """
+        found = self.back(self.forward(right), {})
+        return ca.vertcat(*(found[k] for k in range(len(found))))
+
     def transposed(self, right: ca.SX) -> ca.SX:
         """Solve the transposed system with the rows that are left over at zero.
 
@@ -320,6 +336,35 @@ def rows_of(matrix: ca.SX) -> Rows:
     return rows
 
 
+def eliminate_square(matrix: ca.SX, values: FloatArray, what: str) -> Elimination:
+    """Prepare the solution of a square system.
+
+    Parameters
+    ----------
+    matrix
+        (n, n) expressions.
+    values
+        (samples, n, n) the matrix at samples, in equal units, dimensionless.
+    what
+        What the system determines, for the message.
+
+    Returns
+    -------
+    Elimination
+        For any right-hand sides.
+
+    Raises
+    ------
+    UnsupportedError
+        If the system is singular at the samples.
+    """
+    n = matrix.shape[0]
+    pivots = plan_pivots(values, list(range(n)))
+    if len(pivots.places) < n:
+        raise UnsupportedError(f"{what} is not determined: {n - len(pivots.places)} freedom(s) are left over")
+    return Elimination(matrix, pivots)
+
+
 def solve_square(matrix: ca.SX, right: ca.SX, values: FloatArray, what: str) -> tuple[ca.SX, float]:
     """Solve a square system.
 
@@ -346,10 +391,5 @@ def solve_square(matrix: ca.SX, right: ca.SX, values: FloatArray, what: str) -> 
     UnsupportedError
         If the system is singular at the samples.
     """
-    n = matrix.shape[0]
-    pivots = plan_pivots(values, list(range(n)))
-    if len(pivots.places) < n:
-        raise UnsupportedError(f"{what} is not determined: {n - len(pivots.places)} freedom(s) are left over")
-    reduced = Elimination(matrix, pivots)
-    found = reduced.back(reduced.forward(right), {})
-    return ca.vertcat(*(found[k] for k in range(n))), pivots.score
+    reduced = eliminate_square(matrix, values, what)
+    return reduced.solve(right), reduced.pivots.score

@@ -25,6 +25,7 @@ from stewart_pin.kernels.graph.conditioning import driven_conditioning, platform
 from stewart_pin.kernels.graph.derivatives import dynamics_derivatives, platform_derivatives
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.geometry_derivatives import geometry_derivatives
+from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
@@ -41,7 +42,6 @@ _LEGS: dict[str, Callable[[PlacedPlatform], ca.Function]] = {
     "inverse_kinematics": platform_kinematics.inverse_kinematics_function,
     "motor_jacobian": platform_kinematics.motor_jacobian_function,
     "conditioning": platform_conditioning,
-    "forward_kinematics_step": platform_kinematics.newton_step_function,
 }
 _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
     "inverse_dynamics": driven_tree.driven_inverse_dynamics,
@@ -50,7 +50,6 @@ _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
     "regressor": driven_regressor,
     "motor_jacobian": driven_tree.driven_motor_jacobian,
     "conditioning": driven_conditioning,
-    "closing_step": driven_tree.closing_step_function,
 }
 _TREE: dict[str, Callable[[ClosedTree], ca.Function]] = {
     "tree_inverse_dynamics": state_functions.inverse_dynamics_function,
@@ -62,6 +61,10 @@ _STATE: dict[str, Callable[[ClosedTree], ca.Function]] = {
     "forward_dynamics": state_functions.judged_forward_dynamics,
     "reactions": state_functions.judged_reactions,
     "regressor": tree_regressor,
+}
+_STEPS: dict[str, Callable[[str, NewtonEquations], ca.Function]] = {
+    "_double_step": double_step,
+    "_step": damped_step,
 }
 _DERIVATIVES = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives")
 _GEOMETRY = ("inverse_dynamics_geometry", "forward_dynamics_geometry")
@@ -126,10 +129,22 @@ class FunctionSet:
         if self.coordinates == "motor":
             own = [name for name in _DRIVEN if name != "motor_jacobian"]
         elif self.placed is None:
-            own = [*_DRIVEN, "motor_closing_step"]
+            own = [*_DRIVEN]
         else:
-            own = [*_LEGS, *_GEOMETRY, "reactions", "regressor", "closing_step"]
-        return (*own, *_DERIVATIVES, *_TREE)
+            own = [*_LEGS, *_GEOMETRY, "reactions", "regressor"]
+        steps = (equations + kind for equations in self._equations for kind in _STEPS)
+        return (*own, *steps, *_DERIVATIVES, *_TREE)
+
+    @cached_property
+    def _equations(self) -> dict[str, Callable[[], NewtonEquations]]:
+        """What Newton steps solve, by name."""
+        closing = {"closing": lambda: driven_tree.closing_equations(self.driven)}
+        if self.coordinates == "motor":
+            return closing
+        if self.placed is None:
+            return {**closing, "motor_closing": lambda: driven_tree.closing_equations(self.motor_driven)}
+        placed = self.placed
+        return {**closing, "forward_kinematics": lambda: platform_kinematics.pose_equations(placed)}
 
     @property
     def pivot_score(self) -> float:
@@ -173,6 +188,7 @@ class FunctionSet:
             return geometry_derivatives(self.placed, name.removesuffix("_geometry"))
         if self.placed is not None and name in _LEGS:
             return _LEGS[name](self.placed)
-        if name == "motor_closing_step":
-            return _DRIVEN["closing_step"](self.motor_driven)
+        for kind, write in _STEPS.items():
+            if name.removesuffix(kind) in self._equations:
+                return write(name, self._equations[name.removesuffix(kind)]())
         return _DRIVEN[name](self.driven)

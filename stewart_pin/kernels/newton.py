@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +15,26 @@ _CLOSED = 1e-11
 """Gap at which a row is closed, in robot sizes and radians: a few hundred units of round-off."""
 _CLOSED_SINGLE = 1e-5
 """The same in single precision."""
-_PLAIN_STEPS = 8
-"""Full steps before the rows that have not closed by then are damped."""
+_DOUBLE_STEPS = 6
+"""Double steps before the rows that have not closed by then are damped."""
 _SMALLEST_SHARE = 1e-4
 """Share of Newton's step below which a row is given up."""
+
+
+@dataclass(frozen=True, eq=False)
+class NewtonSteps:
+    """Kernels that step towards a target.
+
+    Attributes
+    ----------
+    double
+        Of ``(state, target) -> (next, gap)``: a full step, and another with the matrix of the first.
+    damped
+        Gives that of ``(state, target, share) -> (next, gap)``, when rows need it: a share of one step.
+    """
+
+    double: ArrayKernel
+    damped: Callable[[], ArrayKernel]
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,14 +45,11 @@ class Solved:
     ----------
     states
         (N, n) states, of rows that did not close the best [any unit].
-    gap
-        (N,) largest entry of each gap, in robot sizes and radians [1].
     closed
         (N,) mask of the rows that closed.
     """
 
     states: FloatArray
-    gap: FloatArray
     closed: BoolArray
 
     def with_rows(self, rows: np.ndarray, other: Solved) -> Solved:
@@ -53,9 +67,9 @@ class Solved:
         Solved
             With those rows.
         """
-        states, gap, closed = self.states.copy(), self.gap.copy(), self.closed.copy()
-        states[rows], gap[rows], closed[rows] = other.states, other.gap, other.closed
-        return Solved(states, gap, closed)
+        states, closed = self.states.copy(), self.closed.copy()
+        states[rows], closed[rows] = other.states, other.closed
+        return Solved(states, closed)
 
     def with_rows_of(self, rows: np.ndarray) -> Solved:
         """Pick rows, any of them several times.
@@ -70,22 +84,30 @@ class Solved:
         Solved
             Those rows.
         """
-        return Solved(self.states[rows], self.gap[rows], self.closed[rows])
+        return Solved(self.states[rows], self.closed[rows])
 
 
 def damped_newton(
-    step: ArrayKernel, start: FloatArray, target: FloatArray, *, max_iterations: int = 60, threads: int = 1
+    steps: NewtonSteps,
+    start: FloatArray,
+    target: FloatArray,
+    *,
+    out: FloatArray | None = None,
+    max_iterations: int = 60,
+    threads: int = 1,
 ) -> Solved:
     """Close every row of an array.
 
     Parameters
     ----------
-    step
-        Kernel of ``(state, target, share) -> (next, gap)``.
+    steps
+        What to take.
     start
         (N, n) states to start from [any unit].
     target
         (N, m) targets [any unit].
+    out
+        (N, n) array for the states; None makes one [any unit].
     max_iterations
         Bound on steps.
     threads
@@ -96,24 +118,30 @@ def damped_newton(
     Solved
         States, and which of them are closed.
     """
-    tolerance = _CLOSED if step.dtype == np.float64 else _CLOSED_SINGLE
-    states, gap = _plain(step, start, target, tolerance, threads)
-    left = np.flatnonzero(~(gap <= tolerance))
-    if left.size:
-        begin, aim = start[left], target[left]
-        states[left], gap[left] = _damped(step, begin, aim, tolerance, max_iterations, threads)
-    return Solved(states, gap, gap <= tolerance)
+    tolerance = _CLOSED if steps.double.dtype == np.float64 else _CLOSED_SINGLE
+    states, closed = _plain(steps.double, start, target, out, tolerance, threads)
+    if not closed.all():
+        left = np.flatnonzero(~closed)
+        begin, aim = np.broadcast_to(start, states.shape)[left], target[left]
+        states[left], closed[left] = _damped(steps.damped(), begin, aim, tolerance, max_iterations, threads)
+    return Solved(states, closed)
 
 
 def _plain(
-    step: ArrayKernel, start: FloatArray, target: FloatArray, tolerance: float, threads: int
-) -> tuple[FloatArray, FloatArray]:
-    """Take full steps until a row has closed, or has had enough of them."""
-    (state, *_), (following, gap, *_) = step.program.inputs, step.program.outputs
+    kernel: ArrayKernel,
+    start: FloatArray,
+    target: FloatArray,
+    out: FloatArray | None,
+    tolerance: float,
+    threads: int,
+) -> tuple[FloatArray, BoolArray]:
+    """Take double steps until a row has closed, or has had enough of them."""
+    (state, *_), (following, gap, *_) = kernel.program.inputs, kernel.program.outputs
     # The step after a closed gap leaves nothing but round-off.
-    repeat = Repeat(state.name, following.name, gap.name, tolerance, _PLAIN_STEPS)
-    states, gaps = step.repeated(repeat)(start, target, np.ones(1), threads=threads)
-    return states, _sizes(gaps)
+    repeat = Repeat(state.name, following.name, gap.name, tolerance, _DOUBLE_STEPS)
+    room = None if out is None else (out, np.empty((len(target), 1), dtype=kernel.dtype))
+    states, gaps = kernel.repeated(repeat)(start, target, out=room, threads=threads)
+    return states, gaps[:, 0] <= tolerance
 
 
 def _sizes(gaps: FloatArray) -> FloatArray:
@@ -131,7 +159,7 @@ def _damped(
     tolerance: float,
     max_iterations: int,
     threads: int,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, BoolArray]:
     """Take shorter steps where a full one does not lower the gap."""
 
     def take(rows: np.ndarray, states: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -157,4 +185,4 @@ def _damped(
         active = np.sort(np.concatenate([good[gap[good] > tolerance], worse]))
     closed = gap <= tolerance
     states[closed] = following[closed]
-    return states, gap
+    return states, closed

@@ -19,7 +19,7 @@ from stewart_pin.kernels.configurations import (
     starts,
     with_unit_quaternions,
 )
-from stewart_pin.kernels.newton import Solved, damped_newton
+from stewart_pin.kernels.newton import NewtonSteps, Solved, damped_newton
 from stewart_pin.kernels.report import KernelReport, count_operations
 from stewart_pin.kernels.status import StateBound, StateStatus
 from stewart_pin.model.chain import ClosedChain
@@ -472,12 +472,13 @@ class Kernels:
         self._require_platform("forward_kinematics")
         target, single = as_rows("q_motor", q_motor, self.chain.nu)
         guess = with_unit_quaternions(as_rows("pose_guess", pose_guess, 7)[0])
-        guess = np.broadcast_to(guess, (len(target), 7))
+        if len(guess) not in (1, len(target)):
+            raise InputError(f"there are {len(guess)} guesses for {len(target)} motor positions")
         if self._functions.placed is not None:
-            solved = damped_newton(self._kernel("forward_kinematics_step"), guess, target, threads=threads)
+            solved = damped_newton(self._steps("forward_kinematics"), guess, target, threads=threads)
             return self._given(solved, (solved.states,), status, single)
-        begun = self._configurations(guess, threads)
-        solved = damped_newton(self._kernel("motor_closing_step"), begun.states, target, threads=threads)
+        begun = self._configurations(np.broadcast_to(guess, (len(target), 7)), threads)
+        solved = damped_newton(self._steps("motor_closing"), begun.states, target, threads=threads)
         position, rotation = self._kernel("platform_pose")(solved.states, threads=threads)
         return self._given(solved, (as_poses(position, rotation),), status, single)
 
@@ -495,13 +496,13 @@ class Kernels:
         return self._given(solved, values if isinstance(values, tuple) else (values,), status, single, codes)
 
     def _configurations(self, targets: FloatArray, threads: int) -> Solved:
-        return configurations(self._kernel("closing_step"), self._starts, targets, threads=threads)
+        return configurations(self._steps("closing"), self._starts, targets, threads=threads)
 
     @cached_property
     def _starts(self) -> FloatArray:
         beside = self._functions.closed.samples
         on_platform = self.coordinates == "platform"
-        return starts(self.chain, self._kernel("closing_step"), beside, on_platform=on_platform)
+        return starts(self.chain, self._steps("closing"), beside, on_platform=on_platform)
 
     def _states(self, position: ArrayLike) -> tuple[FloatArray, bool]:
         if self.coordinates == "platform":
@@ -536,6 +537,11 @@ class Kernels:
     def _require_platform(self, verb: str) -> None:
         if self.coordinates != "platform":
             raise UnsupportedError(f"{verb} is for kernels with coordinates='platform'")
+
+    def _steps(self, equations: str) -> NewtonSteps:
+        return NewtonSteps(
+            self._kernel(f"{equations}_double_step"), lambda: self._kernel(f"{equations}_step")
+        )
 
     def _kernel(self, name: str) -> ArrayKernel:
         if name not in self._kernels:

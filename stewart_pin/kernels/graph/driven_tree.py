@@ -20,6 +20,7 @@ from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.joint_efforts import efforts_of_wrenches, moments_of
 from stewart_pin.kernels.graph.joint_motion import at_rest, motions
 from stewart_pin.kernels.graph.loop_gaps import loop_gaps, opposed_axes
+from stewart_pin.kernels.graph.newton_steps import NewtonEquations
 from stewart_pin.kernels.graph.quaternions import turned_by_small
 from stewart_pin.kernels.graph.whole_tree import (
     ClosedTree,
@@ -298,8 +299,8 @@ def driven_motor_jacobian(driven: DrivenTree) -> ca.Function:
     return shared("motor_jacobian", {"q": closed.q}, {"jacobian": ca.horzcat(*columns)})
 
 
-def closing_step_function(driven: DrivenTree) -> ca.Function:
-    """Write one Newton step that closes the loops and brings what drives to a target.
+def closing_equations(driven: DrivenTree) -> NewtonEquations:
+    """Write the equations of closed loops with what drives at a target.
 
     Parameters
     ----------
@@ -308,12 +309,11 @@ def closing_step_function(driven: DrivenTree) -> ca.Function:
 
     Returns
     -------
-    casadi.Function
-        ``(q, target, share) -> (q_next, gap)``: target (7, 1) pose or (nu, 1) motor positions; the gap, in robot sizes
-        and radians, is that before the step; its last entry is 1 where a loop has closed with its axes opposed.
+    NewtonEquations
+        Of the configuration, (nq, 1), and the target: (7, 1) pose or (nu, 1) motor positions. The last entry of the
+        size is 1 where a loop has closed with its axes opposed.
     """
     closed, tree, chain = driven.closed, driven.closed.tree, driven.closed.chain
-    share = ca.SX.sym("share")
     loops = loop_gaps(tree, closed.at, closed.q)
     if driven.coordinates == "platform":
         target = ca.SX.sym("target", 7)
@@ -321,14 +321,14 @@ def closing_step_function(driven: DrivenTree) -> ca.Function:
     else:
         target = ca.SX.sym("target", len(tree.motors))
         off, sizes = closed.q[list(tree.motors_q)] - target, _motor_sizes(closed)
-    gap = ca.vertcat(closed.columns.turn.T @ loops, off)
-    step = share * driven.reduced.transposed(-gap)
     scaled = ca.vertcat(loops, off) / constant(np.concatenate([row_sizes(chain), sizes]))
-    scaled = ca.vertcat(scaled, opposed_axes(tree, closed.at))
-    return shared(
-        "closing_step",
-        {"q": closed.q, "target": target, "share": share},
-        {"q_next": integrated(tree, closed.q, step), "gap": scaled},
+    return NewtonEquations(
+        state=closed.q,
+        target=target,
+        gap=ca.vertcat(closed.columns.turn.T @ loops, off),
+        size=ca.vertcat(scaled, opposed_axes(tree, closed.at)),
+        close=lambda gap: driven.reduced.transposed(-gap),
+        move=lambda q, step: integrated(tree, q, step),
     )
 
 

@@ -1,4 +1,4 @@
-"""Kinematics in platform coordinates: motor positions of a pose, the motor Jacobian, and a Newton step back."""
+"""Kinematics in platform coordinates: motor positions of a pose, the motor Jacobian, and the equations back."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.elimination import solve_square
+from stewart_pin.kernels.elimination import eliminate_square
 from stewart_pin.kernels.graph.functions import shared
+from stewart_pin.kernels.graph.newton_steps import NewtonEquations
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
 from stewart_pin.kernels.graph.quaternions import turned_by_small
 from stewart_pin.kernels.spatial import constant
@@ -85,8 +86,8 @@ def motor_jacobian_function(placed: PlacedPlatform) -> ca.Function:
     )
 
 
-def newton_step_function(placed: PlacedPlatform) -> ca.Function:
-    """Write one step of forward kinematics.
+def pose_equations(placed: PlacedPlatform) -> NewtonEquations:
+    """Write the equations of forward kinematics.
 
     Parameters
     ----------
@@ -95,35 +96,41 @@ def newton_step_function(placed: PlacedPlatform) -> ca.Function:
 
     Returns
     -------
-    casadi.Function
-        ``(pose, q_motor, share) -> (pose_next, gap)``, (7, 1), (nu, 1), (1, 1) to (7, 1), (nu, 1); the gap is that of
-        the pose before the step, in sizes of the motors, angles modulo a turn, and below it what the pose asks of the
-        platform that it cannot do. Redundant motors are met by least
-        squares.
+    NewtonEquations
+        Of the pose, (7, 1), and the motor positions, (nu, 1). Angles count modulo a turn; what the pose asks of the
+        platform that it cannot do counts as well. Redundant motors are met by least squares.
     """
     tree, twists = placed.plan.tree, placed.plan.twists
-    share = ca.SX.sym("share")
     q_motor = ca.SX.sym("q_motor", len(tree.motors))
     gap = q_motor - motor_position_expressions(placed)
     turns = _turns(placed)
     gap = ca.vertcat(*(_wrapped(gap[k]) if turn else gap[k] for k, turn in enumerate(turns)))
     size = placed.plan.chain.tangent_scale[list(tree.motors)]
     jacobian = motor_columns(placed).T @ constant(twists)
-    matrix, right = jacobian, gap
-    values = placed.values(jacobian) / size[:, None] * placed.twist_scale
+    weighted = None
+    matrix, values = jacobian, placed.values(jacobian) / size[:, None] * placed.twist_scale
     if twists.shape[1] != len(tree.motors):
         weighted = jacobian.T @ constant(np.diag(size**-2.0))
-        matrix, right = weighted @ jacobian, weighted @ gap
-        scale = placed.twist_scale
+        matrix, scale = weighted @ jacobian, placed.twist_scale
         values = placed.values(matrix) * scale[:, None] * scale
-    step = share * constant(twists) @ solve_square(matrix, right, values, "the pose")[0]
-    pose_next = ca.vertcat(placed.pose[:3] + step[:3], turned_by_small(placed.pose[3:], step[3:]))
+    reduced = eliminate_square(matrix, values, "the pose")
+
+    def close(gap: ca.SX) -> ca.SX:
+        return constant(twists) @ reduced.solve(gap if weighted is None else weighted @ gap)
+
     beside = placed.infeasible().values()
-    return shared(
-        "forward_kinematics_step",
-        {"pose": placed.pose, "q_motor": q_motor, "share": share},
-        {"pose_next": pose_next, "gap": ca.sum1(ca.fabs(ca.vertcat(gap / constant(size), *beside)))},
+    return NewtonEquations(
+        state=placed.pose,
+        target=q_motor,
+        gap=gap,
+        size=ca.sum1(ca.fabs(ca.vertcat(gap / constant(size), *beside))),
+        close=close,
+        move=_moved,
     )
+
+
+def _moved(pose: ca.SX, step: ca.SX) -> ca.SX:
+    return ca.vertcat(pose[:3] + step[:3], turned_by_small(pose[3:], step[3:]))
 
 
 def _turns(placed: PlacedPlatform) -> list[bool]:

@@ -1,0 +1,86 @@
+"""Newton's steps among the kernels: their order, what they call closed, and where they must not."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.kernels.compile_function import compile_function
+from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step
+from stewart_pin.kernels.newton import NewtonSteps, damped_newton
+from stewart_pin.kernels.status import StateStatus
+from tests.closed_states import robot
+from tests.kernels.hexapod_graph import sample_states
+from tests.kernels.test_compile import kernels
+
+
+def square_roots() -> NewtonEquations:
+    """x² = target, as the plainest equations with a double root at zero."""
+    x, target = ca.SX.sym("x"), ca.SX.sym("target")
+    gap = target - x * x
+    return NewtonEquations(x, target, gap, gap, close=lambda g: g / (2 * x), move=lambda x, step: x + step)
+
+
+def newton(equations: NewtonEquations) -> NewtonSteps:
+    return NewtonSteps(
+        compile_function(double_step("double", equations)),
+        lambda: compile_function(damped_step("damped", equations)),
+    )
+
+
+def test_a_double_step_is_newton_and_a_chord() -> None:
+    x, target = np.array([[1.5]]), np.array([[2.0]])
+    middle = x + (target - x**2) / (2 * x)
+    end = middle + (target - middle**2) / (2 * x)
+    after, gap = newton(square_roots()).double(x, target)
+    np.testing.assert_allclose(after, end, rtol=1e-15)
+    np.testing.assert_allclose(gap, middle**2 - target, rtol=1e-12)  # still too large to foretell anything
+
+
+def test_double_steps_converge_with_order_three() -> None:
+    double = newton(square_roots()).double
+    offsets = np.array([[1e-2], [1e-3]])
+    after = double(1 + offsets, np.ones((2, 1)))[0] - 1.0
+    # Newton alone would leave offset² / 2.
+    np.testing.assert_allclose(
+        after / offsets**3, 0.5, rtol=0.03
+    )  # and a share of the fourth power, 2.2 offset
+
+
+def test_what_is_called_closed_is_closed() -> None:
+    # From tiny targets, nearly a double root, to ordinary ones; starts from near to far.
+    target = np.logspace(-12, 0, 200)[:, None]
+    for start in (1e-3, 0.5, 30.0):
+        solved = damped_newton(newton(square_roots()), np.full((200, 1), start), target)
+        assert solved.closed.all()
+        assert np.abs(solved.states**2 - target).max() < 1e-11
+
+
+def test_no_root_is_not_called_closed() -> None:
+    solved = damped_newton(newton(square_roots()), np.ones((2, 1)), np.array([[-1e-6], [4.0]]))
+    assert solved.closed.tolist() == [False, True]
+
+
+@pytest.mark.parametrize("name", ["stewart", "delta", "hexapod_rss", "rpr_planar"])
+def test_poses_that_come_out_meet_the_motors(name: str, rng: np.random.Generator) -> None:
+    """Far guesses, some of them across singularities: whatever pose is given fits, to round-off."""
+    chain = robot(name)
+    if name == "stewart":
+        pose, _, _ = sample_states(rng, 400)
+        guess = np.roll(pose, 1, axis=0) + 0.3 * rng.uniform(-1, 1, (400, 1)) * np.eye(7)[:1]
+    else:
+        home = np.array([[*stp.platform_pose(chain, chain.q_home).translation, 0, 0, 0, 1]])
+        pose = home + rng.uniform(-0.1, 0.1, (400, 1)) * chain.length_scale * np.eye(7)[:1]
+        guess = home + rng.uniform(-0.3, 0.3, (400, 1)) * chain.length_scale * np.eye(7)[:1]
+    q_motor = kernels(name).inverse_kinematics(pose)
+    pose, q_motor = pose[np.isfinite(q_motor).all(axis=1)], q_motor[np.isfinite(q_motor).all(axis=1)]
+    status = np.empty(len(pose), dtype=np.int8)
+    found = kernels(name).forward_kinematics(q_motor, guess[: len(pose)], status=status)
+    good = status == StateStatus.OK
+    assert good.mean() > 0.5
+    np.testing.assert_array_equal(good, np.isfinite(found).all(axis=1))
+    off = kernels(name).inverse_kinematics(found[good]) - q_motor[good]
+    # Of motor sizes: ten times the round-off of poses a few robot sizes away.
+    assert np.abs(off / chain.tangent_scale[list(chain.motor_index)]).max() < 1e-13
