@@ -18,15 +18,8 @@ import numpy as np
 from stewart_pin.errors import SingularityError
 from stewart_pin.kernels.elimination import solve_square, solve_symmetric
 from stewart_pin.kernels.graph.functions import shared
-from stewart_pin.kernels.graph.legs import (
-    LegForces,
-    PlacedLeg,
-    Samples,
-    leg_forces,
-    leg_inertia,
-    leg_rates,
-    place_leg,
-)
+from stewart_pin.kernels.graph.leg_forces import LegForces, leg_forces, leg_inertia
+from stewart_pin.kernels.graph.legs import PlacedLeg, Samples, leg_rates, place_leg
 from stewart_pin.kernels.graph.platform_motion import (
     platform_inertia,
     platform_motion,
