@@ -17,6 +17,9 @@ from stewart_pin.typing import FloatArray
 
 _ZERO = 1e-11
 """Entries below this, relative to their column before elimination, are round-off at every sample."""
+_TINY = 1e-4
+"""Columns below this, relative to the largest of all, are judged by it: where loops hold what no joint does, askew to
+the axes, whole columns are round-off."""
 _SAFE = 0.1
 """Share of the largest entry of its column that a pivot must have at every sample, where some entry has."""
 
@@ -69,7 +72,8 @@ def plan_pivots(values: FloatArray, columns: list[int], *, last_rows: tuple[int,
         Order of elimination; entries that vanish at all samples are taken for zero.
     """
     work = values.copy()
-    size = np.abs(values).max(axis=(0, 1))
+    size = np.abs(values).max(axis=(0, 1), initial=0.0)
+    size = np.maximum(size, _TINY * size.max(initial=0.0))
     vanishing = _dropped(work, size)
     rows, left = list(range(values.shape[1])), list(columns)
     places, dropped, score = [], [], np.inf

@@ -8,6 +8,7 @@ find first.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cached_property
 from typing import Literal
 
@@ -16,6 +17,7 @@ import casadi as ca
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.graph import (
     driven_tree,
+    leg_reactions,
     platform_dynamics,
     platform_kinematics,
     state_functions,
@@ -188,6 +190,9 @@ class FunctionSet:
             return geometry_derivatives(self.placed, name.removesuffix("_geometry"))
         if self.placed is not None and name in _LEGS:
             return _LEGS[name](self.placed)
+        if self.placed is not None and name == "reactions":
+            with suppress(UnsupportedError):  # forces that only the norm over the whole tree shares out
+                return leg_reactions.reactions_function(self.placed)
         for kind, write in _STEPS.items():
             if name.removesuffix(kind) in self._equations:
                 return write(name, self._equations[name.removesuffix(kind)]())

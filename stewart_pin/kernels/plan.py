@@ -45,8 +45,8 @@ class LegEnd:
         (3,) centre of the ball in that body [m].
     other
         (3,) centre of the ball in the platform or the ground [m].
-    index
-        Place of its rows among the chain's loop rows.
+    loop
+        What ties it, with the loop rows that it has; none for the joint that leads to the platform.
     body_first
         Whether the leg's body is body 1 of the loop.
     hinge
@@ -58,7 +58,7 @@ class LegEnd:
     body: int
     point: FloatArray
     other: FloatArray
-    index: tuple[int, ...]
+    loop: LoopEnds
     body_first: bool
     hinge: FloatArray | None = None
     shift: Any = None
@@ -128,6 +128,14 @@ class PlatformPlan:
     legs: tuple[Leg, ...]
     twists: FloatArray
     poses: FloatArray
+
+    @property
+    def held(self) -> FloatArray:
+        """(6, 6 - dof) twists that, with its own, make all: in these it is held by the legs [m/s, rad/s]."""
+        size = np.repeat([self.chain.length_scale, 1.0], 3)
+        dof = self.twists.shape[1]
+        beside = np.linalg.svd(self.twists / size[:, None])[0][:, dof:]
+        return _echelon(beside)[0] * size[:, None] if dof < 6 else np.zeros((6, 0))
 
     @property
     def masses(self) -> Masses:
@@ -212,14 +220,19 @@ def platform_twists(chain: ClosedChain, samples: FloatArray) -> FloatArray:
             chain,
             f"its platform has {here[0].shape[1]} freedom(s) of motion, along twists that change with the pose",
         )
-    # Column echelon form: unit vectors where the freedoms stand along the axes.
+    basis, chosen = _echelon(basis)
+    return basis * size[:, None] / size[chosen]
+
+
+def _echelon(basis: FloatArray) -> tuple[FloatArray, list[int]]:
+    """Column echelon form, unit vectors where the columns span such; and the rows in which it is the identity."""
     chosen: list[int] = []
-    for row in range(6):
+    for row in range(len(basis)):
         if np.linalg.matrix_rank(basis[[*chosen, row]], tol=1e-6) > len(chosen):
             chosen.append(row)
     basis = basis @ np.linalg.inv(basis[chosen])
     basis[np.abs(basis) < _ROUND_OFF] = 0.0
-    return basis * size[:, None] / size[chosen]
+    return basis, chosen
 
 
 def _in_platform_frame(tree: Tree) -> Tree:
@@ -367,5 +380,5 @@ def _end(chain: ClosedChain, loop: LoopEnds, local: dict[int, int], other: int) 
     sides = ((loop.body1, loop.translation1), (loop.body2, loop.translation2))
     for first, ((body, point), (far, far_point)) in ((True, sides), (False, sides[::-1])):
         if local.get(body) and far == other:
-            return LegEnd(local[body], point, far_point, loop.index, first, hinge)
+            return LegEnd(local[body], point, far_point, loop, first, hinge)
     raise _unsupported(chain, f"loop '{loop.name}' does not tie a leg to the platform or the ground")

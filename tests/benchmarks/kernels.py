@@ -125,6 +125,11 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
         ("closed form", closed_form()),
     ):
         assert np.abs(other - tau[: len(other)]).max() < 1e-10 * size, name
+    reactions = kernels.reactions(pose[:FEW], twist[:FEW], acceleration[:FEW])
+    expected = [stp.inverse_dynamics(chain, *s).lambda_c for s in zip(q, v, a, strict=True)]
+    assert np.abs(reactions - expected).max() < 1e-10 * np.abs(expected).max()
+    regressor = kernels.regressor(pose[:FEW], twist[:FEW], acceleration[:FEW])
+    assert np.abs(regressor @ kernels.inertial_parameters - tau[:FEW]).max() < 1e-10 * size
     assert np.abs(back - acceleration).max() < 1e-9
     assert np.abs(lengths - stp.leg_lengths(hexapod, pose[:, :3], rotation)).max() < 1e-14
     assert np.abs(found_pose - pose).max() < 1e-12
@@ -144,6 +149,8 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
         "kernel, single state, arrays given": (lambda: [one(*first) for _ in range(FEW)], FEW),
         "kernel, single state, in place": (lambda: [one.run() for _ in range(FEW)], FEW),
         "forward dynamics": (lambda: kernels.forward_dynamics(pose, twist, tau), N),
+        "loop reactions": (lambda: kernels.reactions(pose, twist, acceleration), N),
+        "regressor": (lambda: kernels.regressor(pose, twist, acceleration), N),
         "six lengths": (lambda: kernels.inverse_kinematics(pose), N),
         "forward kinematics, from home": (lambda: kernels.forward_kinematics(lengths, home), N),
         "forward kinematics, 1 cm beside": (lambda: kernels.forward_kinematics(lengths, near), N),

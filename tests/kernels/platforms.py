@@ -16,9 +16,9 @@ from tests.mechanisms import FREE, ONE, F, P, R, S, X, Y, Z, at, body, rod
 from tests.rewritten import recut
 
 
-def delta(*, ball_elbows: bool = True) -> stp.ClosedChain:
-    """Build a delta robot: three cranks with two parallel rods each, so that the platform only shifts."""
-    crank, length, width = 0.2, 0.5, 0.06
+def delta(*, ball_elbows: bool = True, shifts: tuple[float, ...] = (0.06, -0.06)) -> stp.ClosedChain:
+    """Build a delta robot: three cranks with two or more parallel rods each, so that the platform only shifts."""
+    crank, length = 0.2, 0.5
     links = [
         Link("ground"),
         Link("platform", pin.Inertia(0.8, np.array([0, 0, 0.01]), np.diag([2, 2, 3]) * 1e-3)),
@@ -31,7 +31,7 @@ def delta(*, ball_elbows: bool = True) -> stp.ClosedChain:
         base = pin.SE3(out, out @ [0.15, 0, 0])
         joints.append(Joint(f"motor{k}", R, "ground", f"crank{k}", base, Y, independent=True))
         home[f"motor{k}"] = [0.2]
-        for side, shift in (("a", width), ("b", -width)):
+        for side, shift in zip("abc", shifts, strict=False):
             name = f"{k}{side}"
             links.append(Link(f"rod{name}", rod(length, 0.1)))
             elbow = at(crank, shift)

@@ -18,6 +18,7 @@ from stewart_pin.mechanics.effort import Effort
 from stewart_pin.model.description import LOOP_KINDS, JointKind
 from tests import mechanisms
 from tests.closed_states import close, random_configuration, random_motion, robot
+from tests.kernels.tied_platforms import carts, in_the_tree
 from tests.laws.conftest import Case, round_off_of_accelerations
 
 BUILDERS: dict[str, Callable[[np.random.Generator], stp.ClosedChain]] = {
@@ -25,6 +26,7 @@ BUILDERS: dict[str, Callable[[np.random.Generator], stp.ClosedChain]] = {
     "four-bar, redundant rows": lambda rng: mechanisms.four_bar(JointKind.REVOLUTE),
     "five-bar, redundant motor": lambda rng: mechanisms.five_bar(),
     "five-bar, two pins": lambda rng: held_twice(),
+    "plate on rods in a plane askew": lambda rng: in_the_tree(carts()),
     "gears and threads": mechanisms.gear_train,
     "arm": lambda rng: mechanisms.arm(rng, 4),
     "six cranks, idle rods": lambda rng: mechanisms.rotary_hexapod(),

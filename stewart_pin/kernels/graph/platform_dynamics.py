@@ -21,6 +21,7 @@ from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.leg_forces import LegForces, leg_forces, leg_inertia
 from stewart_pin.kernels.graph.legs import PlacedLeg, Samples, leg_rates, place_leg
 from stewart_pin.kernels.graph.platform_motion import (
+    PlatformMotion,
     platform_inertia,
     platform_motion,
     platform_wrench,
@@ -176,8 +177,7 @@ def inverse_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     plan = placed.plan
     require_held(plan.chain, analyse_freedom(plan.chain, plan.chain.q_home))
     twist, acceleration = ca.SX.sym("twist", 6), ca.SX.sym("acceleration", 6)
-    wrench, columns = balance(placed, twist, acceleration)
-    tau_motor = _least_norm(placed, placed.project(columns), placed.project(wrench))
+    tau_motor = motor_efforts(placed, *balance(placed, twist, acceleration))
     return shared(
         "inverse_dynamics",
         {"pose": placed.pose, "twist": twist, "acceleration": acceleration},
@@ -200,13 +200,51 @@ def balance(placed: PlacedPlatform, twist: ca.SX, acceleration: ca.SX) -> tuple[
     wrench, columns : casadi.SX
         (6, 1) and (6, nu): motors have to give ``columns @ tau_motor = wrench``.
     """
-    plan = placed.plan
-    moving = platform_motion(plan.tree, placed.pose, twist, acceleration)
-    forces = [leg_forces(leg, moving, leg_rates(leg, moving)) for leg in placed.legs]
-    wrench = platform_wrench(plan.masses, moving)
+    moving = platform_motion(placed.plan.tree, placed.pose, twist, acceleration)
+    return balance_legs(placed, moving, forces_of_legs(placed, moving))
+
+
+def forces_of_legs(placed: PlacedPlatform, moving: PlatformMotion) -> list[LegForces]:
+    """Compute the forces that the legs take to follow the platform.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+    moving
+        Motion of the platform.
+
+    Returns
+    -------
+    list of LegForces
+        In the order of the legs.
+    """
+    return [leg_forces(leg, moving, leg_rates(leg, moving)) for leg in placed.legs]
+
+
+def balance_legs(
+    placed: PlacedPlatform, moving: PlatformMotion, forces: list[LegForces]
+) -> tuple[ca.SX, ca.SX]:
+    """Balance the platform against the forces of its legs.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+    moving
+        Motion of the platform.
+    forces
+        Of its legs.
+
+    Returns
+    -------
+    wrench, columns : casadi.SX
+        As `balance`.
+    """
+    wrench = platform_wrench(placed.plan.masses, moving)
     for force in forces:
         wrench = wrench - force.wrench
-    return wrench, _columns(plan, forces)
+    return wrench, _columns(placed.plan, forces)
 
 
 def forward_dynamics_function(placed: PlacedPlatform) -> ca.Function:
@@ -296,8 +334,22 @@ def _columns(plan: PlatformPlan, forces: list[LegForces]) -> ca.SX:
     return ca.horzcat(*(columns[k] for k in range(len(plan.tree.motors))))
 
 
-def _least_norm(placed: PlacedPlatform, share: ca.SX, load: ca.SX) -> ca.SX:
-    """Motor efforts, of least norm where there are more than needed."""
+def motor_efforts(placed: PlacedPlatform, wrench: ca.SX, columns: ca.SX) -> ca.SX:
+    """Find the motor efforts that balance the platform.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+    wrench, columns
+        (6, 1) and (6, nu), from `balance`.
+
+    Returns
+    -------
+    casadi.SX
+        (nu, 1), of least norm where there are more than needed.
+    """
+    share, load = placed.project(columns), placed.project(wrench)
     plan, dof = placed.plan, share.shape[0]
     motors = plan.chain.tangent_scale[list(plan.tree.motors)]
     values = placed.values(share) * placed.twist_scale[:, None] / motors

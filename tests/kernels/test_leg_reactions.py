@@ -1,0 +1,87 @@
+"""Reactions leg by leg against the one-state verb and the whole tree."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.kernels.compile import compile_kernels
+from stewart_pin.kernels.graph.leg_reactions import reactions_function
+from stewart_pin.kernels.graph.platform_dynamics import place_platform
+from stewart_pin.kernels.plan import plan_platform
+from stewart_pin.kernels.report import count_operations
+from stewart_pin.kernels.status import StateStatus
+from tests.closed_states import close, robot
+from tests.kernels.platforms import PLATFORMS
+from tests.kernels.test_compile import kernels, platform_states
+from tests.kernels.test_platform_dynamics import call, platform, states
+from tests.kernels.tied_platforms import TIED, carts, in_the_tree
+
+AGREE = 1e-10
+BUNDLED = ("stewart", "stewart_sps", "stewart_cad", "stewart_s1", "rpr_planar", "delta", "hexapod_rss")
+"""Robots that come apart into legs."""
+
+
+@pytest.mark.parametrize("name", [*PLATFORMS, *TIED])
+def test_reactions_agree_with_the_one_state_verb(name: str, rng: np.random.Generator) -> None:
+    placed = place_platform(plan_platform(TIED[name]())) if name in TIED else platform(name)
+    reactions = reactions_function(placed)
+    for pose, twist, acceleration, s in states(placed, rng, 2):
+        expected = stp.inverse_dynamics(placed.plan.chain, s.q, s.v, s.a).lambda_c
+        close(call(reactions, pose, twist, acceleration), expected, AGREE)
+
+
+@pytest.mark.parametrize("name", BUNDLED)
+def test_reactions_of_bundled_robots(name: str, rng: np.random.Generator) -> None:
+    many = kernels(name)
+    assert many.report.route == "legs"
+    tree = many.casadi("tree_inverse_dynamics")
+    whole, (pose, twist, acceleration, _) = platform_states(many, rng, 3)
+    reactions = many.reactions(pose, twist, acceleration)
+    for k, s in enumerate(whole):
+        close(reactions[k], stp.inverse_dynamics(many.chain, s.q, s.v, s.a).lambda_c, AGREE)
+        close(reactions[k], np.array(tree(s.q, s.v, s.a)[1]).ravel(), AGREE)
+    assert many.casadi("reactions").name_in() == ["pose", "twist", "acceleration"]
+
+
+def test_reactions_move_the_platform(rng: np.random.Generator) -> None:
+    # Newton and Euler by hand: the balls, on the platform as link 1, give what its motion and its weight ask for.
+    many, chain = kernels("stewart"), robot("stewart")
+    _, (pose, twist, acceleration, _) = platform_states(many, rng, 2)
+    reactions = many.reactions(pose, twist, acceleration).reshape(-1, 6, 3)
+    points = np.array([loop.placement1.translation for loop in chain.loops])
+    inertia = chain.model.inertias[chain.model.frames[chain.platform_id].parentJoint]
+    for k in range(2):
+        back = pin.XYZQUATToSE3(pose[k]).rotation.T
+        omega, rate = back @ twist[k, 3:], back @ acceleration[k, 3:]
+        force = inertia.mass * (back @ (acceleration[k, :3] - chain.gravity))
+        moment = inertia.inertia @ rate + np.cross(omega, inertia.inertia @ omega)
+        close(-reactions[k].sum(axis=0), force, AGREE)
+        close(-np.cross(points, reactions[k]).sum(axis=0), moment, AGREE)
+
+
+def test_forces_that_legs_cannot_share_out_come_from_the_tree(rng: np.random.Generator) -> None:
+    many = compile_kernels(in_the_tree(carts()))
+    assert many.report.route == "legs"
+    assert many.casadi("reactions").name_in()[0] == "q"
+    whole, (pose, twist, acceleration, _) = platform_states(many, rng, 2)
+    reactions = many.reactions(pose, twist, acceleration)
+    for k, s in enumerate(whole):
+        close(reactions[k], stp.inverse_dynamics(many.chain, s.q, s.v, s.a).lambda_c, AGREE)
+
+
+def test_a_demand_that_the_platform_cannot_follow_has_a_code(rng: np.random.Generator) -> None:
+    many = kernels("rpr_planar")
+    _, (pose, twist, acceleration, _) = platform_states(many, rng, 2)
+    acceleration[1] += [0.0, 0.0, 0.3, 0.2, 0.0, 0.0]
+    status = np.empty(2, dtype=np.int8)
+    assert np.isnan(many.reactions(pose, twist, acceleration, status=status)[1]).all()
+    assert status.tolist() == [StateStatus.OK, StateStatus.OUT_OF_BOUNDS]
+
+
+def test_reactions_cost_little_more_than_the_efforts() -> None:
+    # 1412 operations for the efforts; the whole tree takes 2735 besides the Newton steps that close it.
+    assert count_operations(reactions_function(platform("stewart"))) <= 1600
+    assert count_operations(reactions_function(platform("3-RPR"))) <= 620
