@@ -195,5 +195,8 @@ from stewart_pin.motion.trajectories import sample_times as sample_times
 from stewart_pin.motion.trajectories import sinusoidal_motion as sinusoidal_motion
 from stewart_pin.studies.comparison import Comparison as Comparison
 from stewart_pin.studies.comparison import compare_methods as compare_methods
+from stewart_pin.studies.record import FailedPoint as FailedPoint
+from stewart_pin.studies.record import Sweep as Sweep
+from stewart_pin.studies.sweep import sweep as sweep
 
 __version__ = "0.1.0"

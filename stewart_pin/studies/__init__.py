@@ -1,1 +1,1 @@
-"""Studies over many states: the comparison of methods."""
+"""Studies over many states: the comparison of methods, and sweeps over parameters and designs."""
