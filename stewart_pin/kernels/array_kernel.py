@@ -107,7 +107,7 @@ class ArrayKernel:
     def __call__(
         self,
         *inputs: ArrayLike,
-        out: FloatArray | Sequence[FloatArray] | None = None,
+        out: FloatArray | Sequence[FloatArray | None] | None = None,
         status: np.ndarray | None = None,
         threads: int = 1,
     ) -> Any:
@@ -119,7 +119,8 @@ class ArrayKernel:
             For each input (N, *shape), or (*shape,) that holds for all states [any unit]. Arrays of the kernel's type
             whose states lie in rows, at any distance, are read where they are; others are copied first.
         out
-            Array (N, *shape), or one for each output, to write to [any unit]; it must not overlap anything else.
+            Array (N, *shape), or one for each output, to write to [any unit]; it must not overlap anything else. None
+            makes one.
         status
             (N,) int8 array to write the code of each state to, dimensionless.
         threads
@@ -195,7 +196,11 @@ class ArrayKernel:
         return SingleState(self.program, self.bounds, self.dtype, self.engine, self._target, self.repeat)
 
     def _results(
-        self, out: FloatArray | Sequence[FloatArray] | None, n: int, single: bool, inputs: list[FloatArray]
+        self,
+        out: FloatArray | Sequence[FloatArray | None] | None,
+        n: int,
+        single: bool,
+        inputs: list[FloatArray],
     ) -> list[FloatArray]:
         if out is None:
             made: list[Any] = [np.empty((n, *p.shape), dtype=self.dtype) for p in self.outputs]
@@ -207,6 +212,10 @@ class ArrayKernel:
         results: list[FloatArray] = []
         known = [(p.name, x) for p, x in zip(self.program.inputs, inputs, strict=True)]
         for port, array in zip(self.outputs, given, strict=True):
+            if array is None:
+                made_one: Any = np.empty((n, *port.shape), dtype=self.dtype)
+                results.append(made_one)
+                continue
             name = f"out for {port.name}"
             require_out(name, array, port.shape if single else (n, *port.shape), self.dtype)
             require_apart(name, array, known)
@@ -262,11 +271,9 @@ class ArrayKernel:
         rows = [x.reshape(len(x), -1) for x in rows]
         values = interpreted(self.program, rows, self.dtype, self.repeat)
         values = [np.broadcast_to(x, (n, x.shape[1])) for x in values]
-        codes = judge(self.program, self.bounds, rows, values)
-        named = dict(zip((p.name for p in self.program.outputs), values, strict=True))
+        named, codes = judge(self.program, self.bounds, rows, values)
         for port, result in zip(self.outputs, results, strict=True):
             result[part] = named[port.name].reshape(n, *port.shape)
-            result[part][codes != 0] = np.nan
         if status is not None:
             status[part] = codes
 

@@ -14,8 +14,8 @@ from stewart_pin.errors import (
 from stewart_pin.kernels.array_kernel import ArrayKernel
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.compile_function import compile_function
+from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.single_state import SingleState
-from stewart_pin.kernels.verbs import Kernels
 from stewart_pin.model.chain import ClosedChain
 
 MANY_CALLS = 200_000

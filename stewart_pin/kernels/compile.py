@@ -9,7 +9,7 @@ from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError, MissingExtraError
 from stewart_pin.kernels.array_kernel import Engine
-from stewart_pin.kernels.verbs import Kernels
+from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.model.chain import ClosedChain
 
 

@@ -16,6 +16,7 @@ import casadi as ca
 
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.graph import (
+    conditioning,
     driven_tree,
     leg_reactions,
     platform_dynamics,
@@ -23,7 +24,6 @@ from stewart_pin.kernels.graph import (
     state_functions,
     whole_tree,
 )
-from stewart_pin.kernels.graph.conditioning import driven_conditioning, platform_conditioning
 from stewart_pin.kernels.graph.derivatives import dynamics_derivatives, platform_derivatives
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.geometry_derivatives import geometry_derivatives
@@ -43,7 +43,7 @@ _LEGS: dict[str, Callable[[PlacedPlatform], ca.Function]] = {
     "forward_dynamics": platform_dynamics.forward_dynamics_function,
     "inverse_kinematics": platform_kinematics.inverse_kinematics_function,
     "motor_jacobian": platform_kinematics.motor_jacobian_function,
-    "conditioning": platform_conditioning,
+    "conditioning": conditioning.platform_conditioning,
 }
 _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
     "inverse_dynamics": driven_tree.driven_inverse_dynamics,
@@ -51,7 +51,7 @@ _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
     "reactions": driven_tree.driven_reactions,
     "regressor": driven_regressor,
     "motor_jacobian": driven_tree.driven_motor_jacobian,
-    "conditioning": driven_conditioning,
+    "conditioning": lambda driven: conditioning.tree_conditioning(driven.closed, driven),
 }
 _TREE: dict[str, Callable[[ClosedTree], ca.Function]] = {
     "tree_inverse_dynamics": state_functions.inverse_dynamics_function,
@@ -63,12 +63,16 @@ _STATE: dict[str, Callable[[ClosedTree], ca.Function]] = {
     "forward_dynamics": state_functions.judged_forward_dynamics,
     "reactions": state_functions.judged_reactions,
     "regressor": tree_regressor,
+    "conditioning": conditioning.tree_conditioning,
 }
 _STEPS: dict[str, Callable[[str, NewtonEquations], ca.Function]] = {
     "_double_step": double_step,
     "_step": damped_step,
 }
 _DERIVATIVES = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives")
+_HELD = ("inverse_dynamics", "reactions", "regressor")
+"""What the motors hold: their share of the forces is solved for."""
+_FOLLOWING = ("forward_dynamics", "motor_jacobian")
 _GEOMETRY = ("inverse_dynamics_geometry", "forward_dynamics_geometry")
 
 
@@ -197,3 +201,27 @@ class FunctionSet:
             if name.removesuffix(kind) in self._equations:
                 return write(name, self._equations[name.removesuffix(kind)]())
         return _DRIVEN[name](self.driven)
+
+    def conditioning_of(self, name: str, function: ca.Function) -> ca.Function | None:
+        """Write the conditioning of the states of a function.
+
+        Parameters
+        ----------
+        name
+            One of `names`.
+        function
+            What it stands for.
+
+        Returns
+        -------
+        casadi.Function or None
+            Of the function's first input; None where nothing is divided by, or where only steps are taken.
+        """
+        kind = name.removesuffix("_derivatives").removesuffix("_geometry")
+        if kind not in _HELD and kind not in _FOLLOWING:
+            return None
+        motors = kind in _HELD
+        if self.placed is not None and function.name_in(0) == "pose":
+            return conditioning.platform_conditioning(self.placed, motors=motors)
+        driven = None if self.coordinates == "tree" else self.driven
+        return conditioning.tree_conditioning(self.closed, driven, motors=motors)

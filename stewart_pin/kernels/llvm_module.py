@@ -193,28 +193,29 @@ def _judged(
     """Replace the results of bad states by nan, and give the codes."""
     inputs_finite = _all_finite(writer, [x for entries in inputs for x in entries])
     finite = _all_finite(writer, [x for entries in results for x in entries])
-    within = writer.every
+    good = writer.put(f"and {writer.mask} {inputs_finite}, {finite}")
+    judges, known = [(finite, StateStatus.RESULT_NOT_FINITE)], {}
     for bound in bounds:
+        within = writer.every
         for x in results[require_output(program, bound.output)]:
             for test, value in (("oge", bound.lower), ("ole", bound.upper)):
                 if not math.isinf(value):
                     ok = writer.compare(test, x, writer.constant(value))
                     within = writer.put(f"and {writer.mask} {within}, {ok}")
-    good = writer.put(f"and {writer.mask} {inputs_finite}, {finite}")
-    good = writer.put(f"and {writer.mask} {good}, {within}")
+        good = writer.put(f"and {writer.mask} {good}, {within}")
+        judges.append((within, bound.code))
+        beyond = writer.put(f"xor {writer.mask} {within}, {writer.every}")
+        sure = writer.put(f"or {writer.mask} {finite}, {beyond}")
+        known[bound.output] = writer.put(f"and {writer.mask} {inputs_finite}, {sure}")
     nan = writer.constant(float("nan"))
-    judging = {bound.output for bound in bounds}
+    written = written_outputs(program, bounds)
     results = [
-        [writer.select(good, x, nan) for x in entries]
+        [writer.select(known.get(port.name, good), x, nan) for x in entries]
         for port, entries in zip(program.outputs, results, strict=True)
-        if port.name not in judging
+        if port in written
     ]
     code = _code(writer, StateStatus.OK)
-    for mask, status in (
-        (finite, StateStatus.RESULT_NOT_FINITE),
-        (within, StateStatus.OUT_OF_BOUNDS),
-        (inputs_finite, StateStatus.INPUT_NOT_FINITE),
-    ):
+    for mask, status in (*judges, (inputs_finite, StateStatus.INPUT_NOT_FINITE)):
         kind = _bytes(writer)
         code = writer.put(f"select {writer.mask} {mask}, {kind} {code}, {kind} {_code(writer, status)}")
     return results, code

@@ -139,7 +139,7 @@ def _plain(
     (state, *_), (following, gap, *_) = kernel.program.inputs, kernel.program.outputs
     # The step after a closed gap leaves nothing but round-off.
     repeat = Repeat(state.name, following.name, gap.name, tolerance, _DOUBLE_STEPS)
-    room = None if out is None else (out, np.empty((len(target), 1), dtype=kernel.dtype))
+    room = None if out is None else [out, None]
     states, gaps = kernel.repeated(repeat)(start, target, out=room, threads=threads)
     return states, gaps[:, 0] <= tolerance
 

@@ -119,7 +119,6 @@ class SingleState:
         program, bounds, dtype = self._made_from[:3]
         inputs = [x.reshape(1, -1) for x in self.inputs]
         results = interpreted(program, inputs, dtype, self._made_from[5])
-        self._status[:] = judge(program, bounds, inputs, results)
-        named = dict(zip((p.name for p in program.outputs), results, strict=True))
+        named, self._status[:] = judge(program, bounds, inputs, results)
         for port, out in zip(written_outputs(program, bounds), self.outputs, strict=True):
-            out[...] = np.nan if self._status[0] else named[port.name].reshape(port.shape)
+            out[...] = named[port.name].reshape(port.shape)

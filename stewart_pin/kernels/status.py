@@ -6,6 +6,7 @@ import enum
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ class StateStatus(enum.IntEnum):
     INPUT_NOT_FINITE = 1
     OUT_OF_BOUNDS = 2
     RESULT_NOT_FINITE = 3
+    SINGULAR = 4
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,10 @@ class StateBound:
         Least good value of each entry, in the unit of the output.
     upper
         Largest good value of each entry.
+    code
+        What becomes of a state beyond; of several, the last in the list of bounds counts.
+    written
+        Whether the output is given back as well, and of bad states too.
 
     Raises
     ------
@@ -45,6 +51,8 @@ class StateBound:
     output: str
     lower: float = -math.inf
     upper: float = math.inf
+    code: StateStatus = StateStatus.OUT_OF_BOUNDS
+    written: bool = False
 
     def __post_init__(self) -> None:
         if not self.lower <= self.upper:
@@ -83,9 +91,9 @@ def written_outputs(program: Program, bounds: Sequence[StateBound]) -> list[Port
     Returns
     -------
     list of Port
-        Outputs without a bound.
+        Outputs without a bound, or whose bound says so.
     """
-    judging = {bound.output for bound in bounds}
+    judging = {bound.output for bound in bounds if not bound.written}
     return [port for port in program.outputs if port.name not in judging]
 
 
@@ -94,8 +102,8 @@ def judge(
     bounds: Sequence[StateBound],
     inputs: Sequence[FloatArray],
     outputs: Sequence[FloatArray],
-) -> np.ndarray:
-    """Find the code of each state; the machine code does the same on its way.
+) -> tuple[dict[str, FloatArray], np.ndarray]:
+    """Find the code of each state, and strike out what is not known; the machine code does the same on its way.
 
     Parameters
     ----------
@@ -110,17 +118,31 @@ def judge(
 
     Returns
     -------
-    numpy.ndarray
+    results : dict
+        For each written output (N, size), nan where a state is not OK; those that judge as well only where they are
+        not known [any unit].
+    codes : numpy.ndarray
         (N,) int8 codes, dimensionless.
     """
     n = len(outputs[0])
+    finite, inputs_finite = _all_finite(outputs, n), _all_finite(inputs, n)
     codes = np.zeros(n, dtype=np.int8)
-    codes[~_all_finite(outputs, n)] = StateStatus.RESULT_NOT_FINITE
+    codes[~finite] = StateStatus.RESULT_NOT_FINITE
+    known: dict[str, Any] = {}
     for bound in bounds:
         x = outputs[require_output(program, bound.output)]
-        codes[~((x >= bound.lower) & (x <= bound.upper)).all(axis=1)] = StateStatus.OUT_OF_BOUNDS
-    codes[~_all_finite(inputs, n)] = StateStatus.INPUT_NOT_FINITE
-    return codes
+        within: Any = ((x >= bound.lower) & (x <= bound.upper)).all(axis=1)
+        codes[~within] = bound.code
+        known[bound.output] = inputs_finite & (finite | ~within)
+    codes[~inputs_finite] = StateStatus.INPUT_NOT_FINITE
+    written = {port.name for port in written_outputs(program, bounds)}
+    ok: Any = codes == StateStatus.OK
+    results = {
+        port.name: np.where(known.get(port.name, ok)[:, None], x, np.nan)
+        for port, x in zip(program.outputs, outputs, strict=True)
+        if port.name in written
+    }
+    return results, codes
 
 
 def _all_finite(arrays: Sequence[FloatArray], n: int) -> BoolArray:

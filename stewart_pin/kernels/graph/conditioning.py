@@ -12,17 +12,20 @@ from stewart_pin.kernels.elimination import Elimination, plan_pivots
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
+from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.graph.whole_tree import motor_columns as tree_motor_columns
 from stewart_pin.typing import FloatArray
 
 
-def platform_conditioning(placed: PlacedPlatform) -> ca.Function:
+def platform_conditioning(placed: PlacedPlatform, *, motors: bool = True) -> ca.Function:
     """Write the conditioning of a pose.
 
     Parameters
     ----------
     placed
         Platform and legs.
+    motors
+        Whether the motors must hold the platform, or the legs only follow it.
 
     Returns
     -------
@@ -31,28 +34,37 @@ def platform_conditioning(placed: PlacedPlatform) -> ca.Function:
         one where the robot is as regular as around home, near zero at a singularity of a leg or of the platform.
     """
     pivots = [pivot for leg in placed.legs for pivot in leg.reduced.pivot_expressions()]
-    share = placed.project(motor_columns(placed))
-    pivots += _pivots_of(share, placed.values, placed.twist_scale)
+    if motors:
+        share = placed.project(motor_columns(placed))
+        pivots += _pivots_of(share, placed.values, placed.twist_scale)
     return shared("conditioning", {"pose": placed.pose}, {"conditioning": _smallest(pivots, placed.values)})
 
 
-def driven_conditioning(driven: DrivenTree) -> ca.Function:
+def tree_conditioning(
+    closed: ClosedTree, driven: DrivenTree | None = None, *, motors: bool = True
+) -> ca.Function:
     """Write the conditioning of a configuration.
 
     Parameters
     ----------
-    driven
+    closed
         The chain.
+    driven
+        The same, driven, if its motion is to follow from that of its drive.
+    motors
+        Whether the motors must hold it.
 
     Returns
     -------
     casadi.Function
-        ``q -> conditioning``, (nq, 1) to (1, 1), as `platform_conditioning`, for what drives and for the motors.
+        ``q -> conditioning``, (nq, 1) to (1, 1), as `platform_conditioning`.
     """
-    closed = driven.closed
-    pivots = [*driven.reduced.pivot_expressions(), *closed.reduced.pivot_expressions()]
-    share = closed.motions.T @ tree_motor_columns(closed.tree)
-    pivots += _pivots_of(share, closed.values, closed.motion_scale)
+    pivots = closed.reduced.pivot_expressions()
+    if driven is not None:
+        pivots += driven.reduced.pivot_expressions()
+    if motors:
+        share = closed.motions.T @ tree_motor_columns(closed.tree)
+        pivots += _pivots_of(share, closed.values, closed.motion_scale)
     return shared("conditioning", {"q": closed.q}, {"conditioning": _smallest(pivots, closed.values)})
 
 

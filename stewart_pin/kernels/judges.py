@@ -1,0 +1,59 @@
+"""Outputs that judge a state: feasible demands, closed loops, unit quaternions, and how near a singularity is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stewart_pin.kernels.configurations import UNIT
+from stewart_pin.kernels.status import StateBound, StateStatus
+
+_FEASIBLE = {"f8": 1e-6, "f4": 1e-5}
+"""Part of a demand that may be impossible: round-off of printed numbers, as in the one-state verbs; a hundred units of
+round-off in single precision."""
+_REGULAR = {"f8": 1e-10, "f4": 1e-4}
+"""Conditioning below which a state is singular: where the one-state verbs say so; in single precision with three digits
+left."""
+
+
+def judged(
+    function: Any, measure: Any | None, dtype: np.dtype[Any], *, graded: bool = False
+) -> tuple[Any, list[StateBound]]:
+    """Add the outputs that judge a state.
+
+    Parameters
+    ----------
+    function
+        `casadi.Function` of states.
+    measure
+        `casadi.Function` of its first input, with the conditioning of the state; None where nothing is divided by.
+    dtype
+        Type of the kernel.
+    graded
+        Whether the conditioning is given back, as the last output, of singular states too; nan without a measure.
+
+    Returns
+    -------
+    function : casadi.Function
+        With these outputs.
+    bounds : list of StateBound
+        What they must keep.
+    """
+    import casadi as ca  # noqa: PLC0415 - optional; there is a function already
+
+    kind = dtype.str[1:]
+    inputs = function.sx_in()
+    outputs = dict(zip(function.name_out(), function.call(inputs), strict=True))
+    bounds = [StateBound(name, upper=_FEASIBLE[kind]) for name in ("infeasible", "open") if name in outputs]
+    if "pose" in function.name_in():
+        quaternion = inputs[function.name_in().index("pose")][3:]
+        outputs["quaternion_square"] = ca.dot(quaternion, quaternion)
+        bounds.append(StateBound("quaternion_square", 1 - UNIT, 1 + UNIT))
+    if measure is not None:
+        outputs["conditioning"] = measure.call(inputs[:1])[0]
+        bounds.append(
+            StateBound("conditioning", lower=_REGULAR[kind], code=StateStatus.SINGULAR, written=graded)
+        )
+    results: Any = ca.cse(list(outputs.values()))
+    return ca.Function(function.name(), inputs, results, function.name_in(), list(outputs)), bounds

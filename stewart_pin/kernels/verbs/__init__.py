@@ -1,0 +1,1 @@
+"""What kernels answer: ``dynamics``, ``derivatives`` and ``kinematics``, all called by way of ``calling``."""

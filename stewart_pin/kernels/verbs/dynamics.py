@@ -1,0 +1,145 @@
+"""Efforts, accelerations and reactions of arrays of states."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stewart_pin.kernels.verbs.calling import Caller, Places
+from stewart_pin.typing import ArrayLike, FloatArray
+
+
+class DynamicsVerbs(Caller):
+    """Verbs of motion and effort."""
+
+    def inverse_dynamics(
+        self,
+        pose: ArrayLike,
+        twist: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        out: FloatArray | None = None,
+        status: np.ndarray | None = None,
+        conditioning: FloatArray | None = None,
+        threads: int = 1,
+    ) -> FloatArray:
+        """Compute the motor efforts of a motion.
+
+        Parameters
+        ----------
+        pose, twist, acceleration
+            Motion in the kernels' coordinates, see `Kernels` [m, rad, unit quaternions; per s; per s²].
+        out, status, conditioning, threads
+            Where to write, in any unit, and by how many threads: see `Kernels`.
+
+        Returns
+        -------
+        numpy.ndarray
+            (N, nu) motor efforts in the order of ``chain.motors``; of least norm where motors are redundant [N or N m].
+        """
+        return self._call(
+            "inverse_dynamics", (pose, twist, acceleration), Places(out, status, conditioning, threads)
+        )
+
+    def forward_dynamics(
+        self,
+        pose: ArrayLike,
+        twist: ArrayLike,
+        tau_motor: ArrayLike,
+        *,
+        out: FloatArray | None = None,
+        status: np.ndarray | None = None,
+        conditioning: FloatArray | None = None,
+        threads: int = 1,
+    ) -> FloatArray:
+        """Compute the acceleration under motor efforts.
+
+        Parameters
+        ----------
+        pose, twist
+            State in the kernels' coordinates, see `Kernels` [m, rad, unit quaternions; per s].
+        tau_motor
+            (N, nu) motor efforts in the order of ``chain.motors`` [N or N m].
+        out, status, conditioning, threads
+            Where to write, in any unit, and by how many threads: see `Kernels`.
+
+        Returns
+        -------
+        numpy.ndarray
+            (N, size) acceleration in the same coordinates [m/s², rad/s²].
+        """
+        return self._call(
+            "forward_dynamics", (pose, twist, tau_motor), Places(out, status, conditioning, threads)
+        )
+
+    def reactions(
+        self,
+        pose: ArrayLike,
+        twist: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        out: FloatArray | None = None,
+        status: np.ndarray | None = None,
+        conditioning: FloatArray | None = None,
+        threads: int = 1,
+    ) -> FloatArray:
+        """Compute the loop reactions of a motion.
+
+        Parameters
+        ----------
+        pose, twist, acceleration
+            Motion in the kernels' coordinates, see `Kernels` [m, rad, unit quaternions; per s; per s²].
+        out, status, conditioning, threads
+            Where to write, in any unit, and by how many threads: see `Kernels`.
+
+        Returns
+        -------
+        numpy.ndarray
+            (N, nc) what the closures do to link 2, row by row in loop frame 1; of least norm where rows are redundant
+            [N and N m].
+        """
+        return self._call(
+            "reactions", (pose, twist, acceleration), Places(out, status, conditioning, threads)
+        )
+
+    def regressor(
+        self,
+        pose: ArrayLike,
+        twist: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        out: FloatArray | None = None,
+        status: np.ndarray | None = None,
+        conditioning: FloatArray | None = None,
+        threads: int = 1,
+    ) -> FloatArray:
+        """Write the motor efforts as a matrix times the inertial parameters, for identification.
+
+        Parameters
+        ----------
+        pose, twist, acceleration
+            Motion in the kernels' coordinates, see `Kernels` [m, rad, unit quaternions; per s; per s²].
+        out, status, conditioning, threads
+            Where to write, in any unit, and by how many threads: see `Kernels`.
+
+        Returns
+        -------
+        numpy.ndarray
+            (N, nu, 10 bodies), such that motor efforts are ``regressor @ inertial_parameters`` [N or N m per kg, kg m,
+            kg m²].
+
+        Raises
+        ------
+        UnsupportedError
+            If there are idle freedoms: they obey their own inertia, and efforts are not linear in it.
+        """
+        return self._call(
+            "regressor", (pose, twist, acceleration), Places(out, status, conditioning, threads)
+        )
+
+    @property
+    def inertial_parameters(self) -> FloatArray:
+        """(10 bodies,) of the chain's bodies in Pinocchio's order: mass, first moments, inertia [kg, kg m, kg m²].
+
+        Of each body mass, mass times centre of mass, and inertia about its joint frame as xx, xy, yy, xz, yz, zz.
+        """
+        return np.concatenate([y.toDynamicParameters() for y in self.chain.model.inertias[1:]])
