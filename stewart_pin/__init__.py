@@ -17,6 +17,7 @@ from stewart_pin.analysis.singularity_map import SingularityMap as SingularityMa
 from stewart_pin.analysis.singularity_map import singularity_map as singularity_map
 from stewart_pin.analysis.workspace import WorkspaceSamples as WorkspaceSamples
 from stewart_pin.analysis.workspace import sample_workspace as sample_workspace
+from stewart_pin.building.displacing import displace_geometry as displace_geometry
 from stewart_pin.building.exporting import export as export
 from stewart_pin.building.exporting import write_urdf as write_urdf
 from stewart_pin.building.floating_base import on_floating_base as on_floating_base
@@ -164,6 +165,8 @@ from stewart_pin.mechanics.singularity import Singularity as Singularity
 from stewart_pin.mechanics.singularity import SingularityKind as SingularityKind
 from stewart_pin.mechanics.singularity import classify_singularity as classify_singularity
 from stewart_pin.model.chain import ClosedChain as ClosedChain
+from stewart_pin.model.geometry_parameters import GeometryParameter as GeometryParameter
+from stewart_pin.model.geometry_parameters import geometry_parameters as geometry_parameters
 from stewart_pin.motion.accelerograms import Accelerogram as Accelerogram
 from stewart_pin.motion.accelerograms import accelerogram as accelerogram
 from stewart_pin.motion.accelerograms import correct_baseline as correct_baseline
