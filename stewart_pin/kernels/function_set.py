@@ -27,6 +27,7 @@ from stewart_pin.kernels.graph import (
 from stewart_pin.kernels.graph.derivatives import dynamics_derivatives, platform_derivatives
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.geometry_derivatives import geometry_derivatives
+from stewart_pin.kernels.graph.leg_regressor import platform_regressor
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
@@ -44,6 +45,7 @@ _LEGS: dict[str, Callable[[PlacedPlatform], ca.Function]] = {
     "inverse_kinematics": platform_kinematics.inverse_kinematics_function,
     "motor_jacobian": platform_kinematics.motor_jacobian_function,
     "conditioning": conditioning.platform_conditioning,
+    "regressor": platform_regressor,
 }
 _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
     "inverse_dynamics": driven_tree.driven_inverse_dynamics,
@@ -137,7 +139,7 @@ class FunctionSet:
         elif self.placed is None:
             own = [*_DRIVEN]
         else:
-            own = [*_LEGS, *_GEOMETRY, "reactions", "regressor"]
+            own = [*_LEGS, *_GEOMETRY, "reactions"]
         steps = (equations + kind for equations in self._equations for kind in _STEPS)
         return (*own, *steps, *_DERIVATIVES, *_TREE)
 

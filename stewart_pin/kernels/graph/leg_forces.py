@@ -92,13 +92,34 @@ def leg_motions(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX) -> Moti
     """
     leg, at = placed.leg, placed.at
     root, felt = _root(placed, moving), _felt_at_ends(placed, moving)
-    drifting = motions(leg.joints, at, rates, ca.SX.zeros(leg.nv), root)
+    drifting = leg_velocities(placed, moving, rates)
     bias = [drifting.acceleration[e.body] + drifting.turning[e.body] @ constant(e.point) for e in leg.ends]
     a = placed.reduced.transposed(ca.vertcat(*felt) - ca.vertcat(*bias))
     known = {e.body: (constant(e.point), felt[k]) for k, e in enumerate(leg.ends)}
     if placed.idle.shape[1]:
         known = {}
     return motions(leg.joints, at, rates, a, root, known=known)
+
+
+def leg_velocities(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX) -> Motions:
+    """Move the bodies of a leg with the platform, joints at constant rates.
+
+    Parameters
+    ----------
+    placed
+        The leg.
+    moving
+        Motion of the platform.
+    rates
+        (nv, 1) rates of the joints.
+
+    Returns
+    -------
+    Motions
+        Of the leg's bodies.
+    """
+    still = ca.SX.zeros(placed.leg.nv)
+    return motions(placed.leg.joints, placed.at, rates, still, _root(placed, moving))
 
 
 def leg_inertia(placed: PlacedLeg, moving: PlatformMotion) -> ca.SX:

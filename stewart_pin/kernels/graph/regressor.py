@@ -14,9 +14,10 @@ from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.joint_efforts import Wrench, efforts_of_wrenches
 from stewart_pin.kernels.graph.joint_motion import at_rest, motions
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, motor_efforts
-from stewart_pin.kernels.spatial import constant, couple
+from stewart_pin.kernels.spatial import constant, skew
 from stewart_pin.mechanics.constrained import require_held
 from stewart_pin.mechanics.freedom import analyse_freedom
+from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import FloatArray
 
 PER_BODY = 10
@@ -77,26 +78,72 @@ def _regressor(closed: ClosedTree, v: ca.SX, a: ca.SX) -> ca.SX:
     require_held(chain, analyse_freedom(chain, chain.q_home))
     parameters = ca.SX.sym("parameters", PER_BODY * len(tree.joints))
     moving = motions(tree.joints, closed.at, v, a, at_rest(constant(tree.gravity)))
-    wrenches = {
-        k: _wrench(parameters[PER_BODY * (k - 1) : PER_BODY * k], moving.acceleration[k], moving.turning[k])
-        for k in range(1, len(tree.joints) + 1)
-    }
+    wrenches = {}
+    for k in range(1, len(tree.joints) + 1):
+        force, moment = wrenches_per_parameter(
+            moving.acceleration[k], moving.omega[k], moving.omega_rate[k], moving.turning[k]
+        )
+        own = parameters[PER_BODY * (k - 1) : PER_BODY * k]
+        wrenches[k] = force @ own, moment @ own
     needed = efforts_of_wrenches(tree.joints, closed.at, wrenches, 1)
 
     def refuse(idle: ca.SX, scale: FloatArray) -> ca.SX:
-        raise UnsupportedError(
-            f"{chain.name} has {idle.shape[1]} idle freedom(s), which obey their own inertia: its motor efforts are "
-            "not linear in the inertial parameters"
-        )
+        raise not_linear(chain, idle.shape[1])
 
     tau_motor, _ = motor_efforts(closed, needed, refuse)
     return ca.jacobian(tau_motor, parameters)
 
 
-def _wrench(parameters: ca.SX, acceleration: ca.SX, turning: ca.SX) -> Wrench:
-    mass, first = parameters[0], parameters[1:4]
-    xx, xy, yy, xz, yz, zz = ca.vertsplit(parameters[4:])
-    inertia = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
-    second = (xx + yy + zz) / 2 * ca.SX.eye(3) - inertia
-    force = mass * acceleration + turning @ first
-    return force, ca.cross(first, acceleration) + couple(turning, second)
+def not_linear(chain: ClosedChain, idle: int) -> UnsupportedError:
+    """Say why there is no regressor.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    idle
+        How many idle freedoms it has.
+
+    Returns
+    -------
+    UnsupportedError
+        To be raised.
+    """
+    return UnsupportedError(
+        f"{chain.name} has {idle} idle freedom(s), which obey their own inertia: its motor efforts are "
+        "not linear in the inertial parameters"
+    )
+
+
+def wrenches_per_parameter(acceleration: ca.SX, omega: ca.SX, omega_rate: ca.SX, turning: ca.SX) -> Wrench:
+    """Write the wrench that moves a body as a matrix times its inertial parameters.
+
+    With B the matrix of the accelerations, f = m a + B s and n = s × a + I dω/dt + ω × (I ω).
+
+    Parameters
+    ----------
+    acceleration
+        (3, 1) of its frame's origin, less that of free fall, in its axes [m/s²].
+    omega, omega_rate
+        (3, 1) angular velocity and acceleration in its axes [rad/s, rad/s²].
+    turning
+        (3, 3) their `turning_matrix` [1/s²].
+
+    Returns
+    -------
+    force, moment : casadi.SX
+        (3, 10) each, in its axes and about its frame's origin [per kg, kg m, kg m²].
+    """
+    x, y, z = ca.vertsplit(omega)
+    ax, ay, az = ca.vertsplit(omega_rate)
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    inertia = ca.horzcat(
+        ca.vertcat(ax, xz, -xy),
+        ca.vertcat(ay - xz, ax + yz, xx - yy),
+        ca.vertcat(-yz, ay, xy),
+        ca.vertcat(az + xy, zz - xx, ax - yz),
+        ca.vertcat(yy - zz, az - xy, ay + xz),
+        ca.vertcat(yz, -xz, az),
+    )
+    force = ca.horzcat(acceleration, turning, ca.SX(3, 6))
+    return force, ca.horzcat(ca.SX(3, 1), -skew(acceleration), inertia)
