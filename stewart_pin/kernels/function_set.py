@@ -224,6 +224,8 @@ class FunctionSet:
             return None
         motors = kind in _HELD
         if self.placed is not None and function.name_in(0) == "pose":
-            return conditioning.platform_conditioning(self.placed, motors=motors)
+            return conditioning.platform_conditioning(
+                self.placed, motors=motors, reactions=kind == "reactions"
+            )
         driven = None if self.coordinates == "tree" else self.driven
         return conditioning.tree_conditioning(self.closed, driven, motors=motors)

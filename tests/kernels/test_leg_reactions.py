@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.optimize import brentq
 
 import stewart_pin as stp
 from stewart_pin.kernels.compile import compile_kernels
@@ -14,7 +15,7 @@ from stewart_pin.kernels.plan import plan_platform
 from stewart_pin.kernels.report import count_operations
 from stewart_pin.kernels.status import StateStatus
 from tests.closed_states import close, robot
-from tests.kernels.platforms import PLATFORMS
+from tests.kernels.platforms import PLATFORMS, delta
 from tests.kernels.test_compile import kernels, platform_states
 from tests.kernels.test_platform_dynamics import call, platform, states
 from tests.kernels.tied_platforms import TIED, carts, in_the_tree
@@ -79,6 +80,36 @@ def test_a_demand_that_the_platform_cannot_follow_has_a_code(rng: np.random.Gene
     status = np.empty(2, dtype=np.int8)
     assert np.isnan(many.reactions(pose, twist, acceleration, status=status)[1]).all()
     assert status.tolist() == [StateStatus.OK, StateStatus.OUT_OF_BOUNDS]
+
+
+def test_reactions_are_lost_where_the_rods_let_the_platform_turn() -> None:
+    # Two parallel rods hold a delta against turns about the normal of their plane. Where the three normals lie in one
+    # plane something is free to turn, although the motors still hold every shift.
+    many = compile_kernels(delta(ball_elbows=False))
+    turns = [pin.exp3(np.array([0, 0, 2 * np.pi * k / 3])) for k in range(3)]
+
+    def pose(t: float) -> np.ndarray:
+        return np.array([0.41 * t, -0.03 * t, -0.42 + 0.23 * t, 0, 0, 0, 1])
+
+    def volume_of_normals(t: float) -> float:
+        normals = []
+        for turn, angle in zip(turns, many.inverse_kinematics(pose(t)), strict=True):
+            elbow = turn @ [0.15 + 0.2 * np.cos(angle), 0, -0.2 * np.sin(angle)]
+            rod = pose(t)[:3] + turn @ [0.05, 0, 0] - elbow
+            normals.append(np.cross(rod, turn[:, 1]))
+        return float(np.linalg.det(normals))
+
+    there = brentq(volume_of_normals, 0.0, 1.0, xtol=1e-15)
+    poses = np.array([pose(there + gap) for gap in (0.0, -1e-6, -1e-3, -there)])
+    status, near, held = np.empty(4, dtype=np.int8), np.empty(4), np.empty(4)
+    rest = np.zeros(6)
+    found = many.reactions(poses, rest, rest, status=status, conditioning=near)
+    assert status.tolist() == [StateStatus.SINGULAR, StateStatus.OK, StateStatus.OK, StateStatus.OK]
+    assert np.isnan(found[0]).all()
+    np.testing.assert_allclose(near[1] / near[2], 1e-3, rtol=0.1)
+    many.inverse_dynamics(poses, rest, rest, status=status, conditioning=held)
+    assert (status == StateStatus.OK).all()
+    assert (held > 0.1).all()
 
 
 def test_reactions_cost_little_more_than_the_efforts() -> None:

@@ -11,13 +11,16 @@ import numpy as np
 from stewart_pin.kernels.elimination import Elimination, plan_pivots
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.functions import shared
+from stewart_pin.kernels.graph.leg_reactions import holding_share
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.graph.whole_tree import motor_columns as tree_motor_columns
 from stewart_pin.typing import FloatArray
 
 
-def platform_conditioning(placed: PlacedPlatform, *, motors: bool = True) -> ca.Function:
+def platform_conditioning(
+    placed: PlacedPlatform, *, motors: bool = True, reactions: bool = False
+) -> ca.Function:
     """Write the conditioning of a pose.
 
     Parameters
@@ -26,6 +29,8 @@ def platform_conditioning(placed: PlacedPlatform, *, motors: bool = True) -> ca.
         Platform and legs.
     motors
         Whether the motors must hold the platform, or the legs only follow it.
+    reactions
+        Whether what holds it where it has no freedom must be determined too.
 
     Returns
     -------
@@ -37,6 +42,9 @@ def platform_conditioning(placed: PlacedPlatform, *, motors: bool = True) -> ca.
     if motors:
         share = placed.project(motor_columns(placed))
         pivots += _pivots_of(share, placed.values, placed.twist_scale)
+    if reactions:
+        share, before = holding_share(placed)
+        pivots += before + _pivots_of(share, placed.values, np.ones(share.shape[0]))
     return shared("conditioning", {"pose": placed.pose}, {"conditioning": _smallest(pivots, placed.values)})
 
 

@@ -42,12 +42,12 @@ class _Ties:
     """Forces and moments at the ends of legs that neither joints nor motors determine.
 
     `reactions` (m, n) are those that come with each, in the order of `_end_forces` over all legs; `wrenches` (6, n)
-    what they do to the platform, in world axes; `counted` (m,) says which reactions have loop rows.
+    what they do to the platform, in world axes; `counted` (rows, m) selects the reactions that have loop rows.
     """
 
     reactions: ca.SX
     wrenches: ca.SX
-    counted: np.ndarray
+    counted: ca.SX
 
 
 def reactions_function(placed: PlacedPlatform) -> ca.Function:
@@ -123,7 +123,9 @@ def _ties(placed: PlacedPlatform, moving: PlatformMotion) -> _Ties:
         counted += [bool(end.loop.index) for end in ends for _ in range(3)]
         counted += [bool(end.loop.index) for end, _ in hinges for _ in range(2)]
     return _Ties(
-        ca.diagcat(*reactions), ca.horzcat(*wrenches) if wrenches else ca.SX(6, 0), np.array(counted)
+        ca.diagcat(*reactions),
+        ca.horzcat(*wrenches) if wrenches else ca.SX(6, 0),
+        ca.sparsify(constant(np.eye(len(counted))[counted])),
     )
 
 
@@ -138,22 +140,52 @@ def _tied(placed: PlacedPlatform, ties: _Ties, reactions: ca.SX, missing: ca.SX)
     """Add the ties that balance the platform, and of all such the least."""
     if not ties.wrenches.shape[1]:
         return reactions
-    held = constant(placed.plan.held).T
-    counted = ca.SX(constant(np.diag(ties.counted)[ties.counted]))
-    norm = ca.sparsify(counted @ ties.reactions)
-    free = [k for k in range(norm.shape[1]) if not norm[:, k].nnz()]
-    rest = [k for k in range(norm.shape[1]) if norm[:, k].nnz()]
-    # What holds the platform without loop rows, the joint that leads to it, takes all it can.
-    share, right = held @ ties.wrenches, held @ missing
-    pivots = plan_pivots(placed.values(share[:, free]), list(range(len(free))))
-    left = Elimination(share[:, free], pivots).forward(ca.horzcat(share[:, rest], right))
-    rows = list(pivots.rows)
-    share, right = left[rows, : len(rest)], left[rows, len(rest) :]
+    rest, share, right, _ = _held_by(placed, ties, missing)
     if share.shape[0] == share.shape[1]:
         sizes = solve_square(share, right, placed.values(share), "what holds the platform")[0]
     else:
-        sizes = _least(placed, norm[:, rest], counted @ reactions, share, right)
+        counted = ties.counted
+        sizes = _least(placed, counted @ ties.reactions[:, rest], counted @ reactions, share, right)
     return reactions + ties.reactions[:, rest] @ sizes
+
+
+def _held_by(
+    placed: PlacedPlatform, ties: _Ties, missing: ca.SX
+) -> tuple[list[int], ca.SX, ca.SX, list[ca.SX]]:
+    """Say which ties have loop rows, ``share @ sizes = right`` for these, and what the others were divided by.
+
+    What holds the platform without loop rows, the joint that leads to it, takes all it can.
+    """
+    norm = ca.sparsify(ties.counted @ ties.reactions)
+    free = [k for k in range(norm.shape[1]) if not norm[:, k].nnz()]
+    rest = [k for k in range(norm.shape[1]) if norm[:, k].nnz()]
+    held = constant(placed.plan.held).T
+    share, right = held @ ties.wrenches, held @ missing
+    pivots = plan_pivots(placed.values(share[:, free]), list(range(len(free))))
+    first = Elimination(share[:, free], pivots)
+    left = first.forward(ca.horzcat(share[:, rest], right))[list(pivots.rows), :]
+    return rest, left[:, : len(rest)], left[:, len(rest) :], first.pivot_expressions()
+
+
+def holding_share(placed: PlacedPlatform) -> tuple[ca.SX, list[ca.SX]]:
+    """Tell how forces that the motors do not determine hold the platform; reactions are lost where they do not.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+
+    Returns
+    -------
+    share : casadi.SX
+        (m, n) what n of them give in the m directions in which they have to hold it; it must keep its rank.
+    pivots : list of casadi.SX
+        What has been divided by before.
+    """
+    still = ca.SX.zeros(6)
+    ties = _ties(placed, platform_motion(placed.plan.tree, placed.pose, still, still))
+    _, share, _, pivots = _held_by(placed, ties, ca.SX(6, 0))
+    return share, pivots
 
 
 def _least(placed: PlacedPlatform, norm: ca.SX, reactions: ca.SX, share: ca.SX, right: ca.SX) -> ca.SX:
