@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import weakref
 from typing import Any
 
+from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.target import Target, load_llvm
 
 
@@ -60,35 +62,72 @@ def assembly(text: str, target: Target) -> str:
     str
         Assembly.
     """
-    llvm = load_llvm()
-    llvm.initialize_all_targets()
-    llvm.initialize_all_asmprinters()
-    return _machine(llvm, target).emit_assembly(llvm.parse_assembly(text, llvm.create_context()))
+    with contextlib.ExitStack() as opened:
+        module, machine = _read(text, target, opened, anywhere=True)
+        return machine.emit_assembly(module)
+
+
+def object_file(text: str, target: Target) -> bytes:
+    """Compile a module to an object file, also for another kind of machine.
+
+    Parameters
+    ----------
+    text
+        LLVM IR.
+    target
+        Machine.
+
+    Returns
+    -------
+    bytes
+        Object file in the format of the target's system, with the code that would run there.
+    """
+    with contextlib.ExitStack() as opened:
+        module, machine = _read(text, target, opened, anywhere=True)
+        return machine.emit_object(module)
 
 
 def _compiled(text: str, target: Target, prototype: Any) -> Any:
+    # Opened one after the other and closed the other way round, whatever happens: left to a collection of cycles, the
+    # order would be any, and llvmlite crashes where a context goes before its engine or module.
+    with contextlib.ExitStack() as opened:
+        module, machine = _read(text, target, opened)
+        engine = opened.enter_context(load_llvm().create_mcjit_compiler(module, machine))
+        _require_symbols(module)
+        engine.finalize_object()
+        function = prototype(engine.get_function_address("run"))
+        end = weakref.finalize(function, opened.pop_all().close)  # the code goes when the function does
+        end.atexit = False  # what still runs when the interpreter ends may call the function
+        return function
+
+
+def _read(
+    text: str, target: Target, opened: contextlib.ExitStack, *, anywhere: bool = False
+) -> tuple[Any, Any]:
     llvm = load_llvm()
+    if anywhere:
+        llvm.initialize_all_targets()
+        llvm.initialize_all_asmprinters()
     # A context of its own, so that kernels can be compiled in several threads at once.
-    context = llvm.create_context()
-    machine = _machine(llvm, target, jit=True)
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(text, context), machine)
-    engine.finalize_object()
-    function = prototype(engine.get_function_address("run"))
-    # The code goes when the function does, the engine before its context: left to a collection of cycles, the order
-    # would be any, and llvmlite crashes where the context goes first.
-    end = weakref.finalize(function, _dispose, engine, machine, context)
-    end.atexit = False  # what still runs when the interpreter ends may call the function
-    return function
-
-
-def _dispose(engine: Any, *others: Any) -> None:
-    engine.close()
-    for other in others:
-        other.close()
-
-
-def _machine(llvm: Any, target: Target, *, jit: bool = False) -> Any:
+    context = opened.enter_context(llvm.create_context())
     # No passes over the IR: it is written the way it should run. Level 2 instead of 3 compiles faster to the same.
-    return llvm.Target.from_triple(target.triple).create_target_machine(
-        cpu=target.cpu, features=target.features, opt=2, jit=jit
+    machine = opened.enter_context(
+        llvm.Target.from_triple(target.triple).create_target_machine(
+            cpu=target.cpu, features=target.features, opt=2, jit=not anywhere
+        )
     )
+    module = opened.enter_context(llvm.parse_assembly(text, context))
+    module.verify()  # compiling what is wrong ends the interpreter
+    return module, machine
+
+
+def _require_symbols(module: Any) -> None:
+    """Refuse what the process cannot provide: called, it would end the interpreter."""
+    for function in module.functions:
+        name = function.name
+        if (
+            function.is_declaration
+            and not name.startswith("llvm.")
+            and not load_llvm().address_of_symbol(name)
+        ):
+            raise UnsupportedError(f"the C library of this process has no {name!r}; take engine='numpy'")

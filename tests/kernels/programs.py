@@ -92,6 +92,22 @@ def one_operation(kind: Kind) -> Program:
     return drop_dead(Program(kind.value, whole.inputs, (Port("y", (1,)),), whole.instructions, results))
 
 
+def reversed_row(size: int) -> Program:
+    """Entries of a row in reverse order, so that no column can stand for another."""
+    source = Program("reverse", (Port("x", (size,)),), (Port("y", (size,)),), (), ())
+    builder = ProgramBuilder(source)
+    entries = [builder.append(Instruction(Kind.INPUT, place=(0, k))) for k in range(size)]
+    return builder.finish(iter([tuple(reversed(entries))]))
+
+
+def special_values(dtype: np.dtype, rng: np.random.Generator) -> np.ndarray:
+    """Triples of zeros of both signs, small, large and usual numbers; all finite."""
+    tiny, huge = np.finfo(dtype).smallest_subnormal, np.sqrt(np.finfo(dtype).max) / 4
+    values = np.array([0.0, -0.0, 1.0, -1.0, 0.5, 2.5, -3.25, tiny, -tiny, huge, -huge], dtype=dtype)
+    grid = np.array(np.meshgrid(values, values, values[:8])).reshape(3, -1).T
+    return np.concatenate([grid, rng.normal(size=(500, 3)).astype(dtype)])
+
+
 def round_off(program: Program, inputs: list[np.ndarray], unit: float = EPS) -> list[np.ndarray]:
     """Bound of the error of each output: half a unit for each operation, carried on to first order.
 

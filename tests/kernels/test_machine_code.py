@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import gc
 import re
-import subprocess
-import sys
-import weakref
 
 import numpy as np
 import pytest
@@ -16,9 +12,9 @@ from stewart_pin.kernels.array_kernel import ArrayKernel
 from stewart_pin.kernels.instructions import program_from_casadi
 from stewart_pin.kernels.interpreter import run_program
 from stewart_pin.kernels.llvm_module import module_for_ranges
-from stewart_pin.kernels.machine_code import assembly, compile_for_one
+from stewart_pin.kernels.machine_code import assembly
 from stewart_pin.kernels.preparing import prepare
-from stewart_pin.kernels.program import LIBRARY, Instruction, Kind, Port, Program, operation_counts
+from stewart_pin.kernels.program import LIBRARY, Kind, Port, Program, operation_counts
 from stewart_pin.kernels.program_builder import ProgramBuilder
 from stewart_pin.kernels.target import Target, load_llvm, narrow_target
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
@@ -28,7 +24,9 @@ from tests.kernels.programs import (
     kinds_of_every_operation,
     one_operation,
     random_program,
+    reversed_row,
     round_off,
+    special_values,
 )
 from tests.kernels.targets import TARGETS
 
@@ -40,14 +38,6 @@ HEXAPOD = prepare(program_from_casadi(sample_inverse_dynamics()))
 
 each_target = pytest.mark.parametrize("target", TARGETS.values(), ids=TARGETS)
 each_type = pytest.mark.parametrize("dtype", [DOUBLE, SINGLE], ids=str)
-
-
-def special_values(dtype: np.dtype, rng: np.random.Generator) -> np.ndarray:
-    """Triples of zeros of both signs, small, large and usual numbers; all finite."""
-    tiny, huge = np.finfo(dtype).smallest_subnormal, np.sqrt(np.finfo(dtype).max) / 4
-    values = np.array([0.0, -0.0, 1.0, -1.0, 0.5, 2.5, -3.25, tiny, -tiny, huge, -huge], dtype=dtype)
-    grid = np.array(np.meshgrid(values, values, values[:8])).reshape(3, -1).T
-    return np.concatenate([grid, rng.normal(size=(500, 3)).astype(dtype)])
 
 
 @each_type
@@ -203,45 +193,12 @@ def test_unknown_width_is_refused() -> None:
         narrow_target(8)
 
 
-def test_code_in_a_cycle_of_references_is_disposed_of_in_order() -> None:
-    """Collected in any order, a context may go before its engine, which ends the interpreter."""
-    text = 'define void @"run"() {\n  ret void\n}\n'
-    for _ in range(20):
-        function = compile_for_one(text, TARGETS["host"])
-        gone = weakref.ref(function)
-        function.itself = [function]
-        function()
-        del function
-        gc.collect()
-        assert gone() is None
-
-
-def test_code_outlives_what_is_called_when_the_interpreter_ends() -> None:
-    script = """
-import atexit
-held = []
-atexit.register(lambda: print(held[0](np.array([[3.0]]))[0, 0], held[1](np.array([4.0]))[0]))
-import casadi as ca
-import numpy as np
-from stewart_pin.kernels.compile_function import compile_function
-x = ca.SX.sym("x")
-kernel = compile_function(ca.Function("f", [x], [x * x]))
-held += [kernel, kernel.single_state()]
-"""
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert (run.returncode, run.stdout) == (0, "9.0 16.0\n"), run.stderr
-
-
 @each_target
 @each_type
 def test_rows_of_any_length_are_turned_to_vectors_and_back(
     target: Target, dtype: np.dtype, rng: np.random.Generator
 ) -> None:
-    """Entries are given back in reverse order, so that no column can stand for another."""
     for size in (*range(1, 20), 33):
-        source = Program("reverse", (Port("x", (size,)),), (Port("y", (size,)),), (), ())
-        builder = ProgramBuilder(source)
-        entries = [builder.append(Instruction(Kind.INPUT, place=(0, k))) for k in range(size)]
-        kernel = ArrayKernel(builder.finish(iter([tuple(reversed(entries))])), dtype=dtype, target=target)
+        kernel = ArrayKernel(reversed_row(size), dtype=dtype, target=target)
         states = rng.normal(size=(21, size)).astype(dtype)
         assert np.array_equal(kernel(states), states[:, ::-1])
