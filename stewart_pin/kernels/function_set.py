@@ -197,7 +197,7 @@ class FunctionSet:
         if self.placed is not None and name in _LEGS:
             return _LEGS[name](self.placed)
         if self.placed is not None and name == "reactions":
-            with suppress(UnsupportedError):  # forces that only the norm over the whole tree shares out
+            with suppress(UnsupportedError):  # rows that need the whole configuration, or the norm over it
                 return leg_reactions.reactions_function(self.placed)
         for kind, write in _STEPS.items():
             if name.removesuffix(kind) in self._equations:

@@ -212,6 +212,7 @@ PLATFORMS = {
     "six rails": rails,
     "legs on the platform": hanging,
     "ball in the tree": lambda: other_cut("stewart"),
+    "ball in the tree, idle spins": lambda: other_cut("stewart_sps"),
     "3-RPR": lambda: robot("rpr_planar"),
     "3-RPR, hinge in the tree": lambda: other_cut("rpr_planar"),
     "3-RRR": lambda: planar(R),

@@ -18,7 +18,7 @@ from tests.closed_states import close, robot
 from tests.kernels.platforms import PLATFORMS, delta
 from tests.kernels.test_compile import kernels, platform_states
 from tests.kernels.test_platform_dynamics import call, platform, states
-from tests.kernels.tied_platforms import TIED, carts, in_the_tree
+from tests.kernels.tied_platforms import TIED, carts, in_the_tree, swapped
 
 AGREE = 1e-10
 BUNDLED = ("stewart", "stewart_sps", "stewart_cad", "stewart_s1", "rpr_planar", "delta", "hexapod_rss")
@@ -71,6 +71,18 @@ def test_forces_that_legs_cannot_share_out_come_from_the_tree(rng: np.random.Gen
     reactions = many.reactions(pose, twist, acceleration)
     for k, s in enumerate(whole):
         close(reactions[k], stp.inverse_dynamics(many.chain, s.q, s.v, s.a).lambda_c, AGREE)
+
+
+def test_rows_on_a_rod_that_may_spin_come_from_the_tree(rng: np.random.Generator) -> None:
+    # Where the rods stand about their own axes does not follow from the pose; how much they carry does.
+    many = compile_kernels(swapped(robot("stewart_sps")))
+    assert many.report.route == "legs"
+    assert many.casadi("reactions").name_in()[0] == "q"
+    whole, (pose, twist, acceleration, _) = platform_states(many, rng, 2)
+    reactions = many.reactions(pose, twist, acceleration).reshape(2, 6, 3)
+    for k, s in enumerate(whole):
+        expected = stp.inverse_dynamics(many.chain, s.q, s.v, s.a).lambda_c.reshape(6, 3)
+        close(np.linalg.norm(reactions[k], axis=1), np.linalg.norm(expected, axis=1), 1e-4)
 
 
 def test_a_demand_that_the_platform_cannot_follow_has_a_code(rng: np.random.Generator) -> None:

@@ -24,7 +24,7 @@ from tests.kernels.tied_platforms import TIED
 
 AGREE = 1e-10
 HAVE_IDLE = ("stewart_sps", "delta", "hexapod_rss")
-IDLE = ("stewart_sps", "six cranks", "six cranks, rods askew", "delta, balls")
+IDLE = ("stewart_sps", "six cranks", "six cranks, rods askew", "delta, balls", "ball in the tree, idle spins")
 
 
 def pinocchios(chain: stp.ClosedChain, state: stp.State) -> np.ndarray:

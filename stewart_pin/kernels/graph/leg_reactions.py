@@ -21,7 +21,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.elimination import Elimination, plan_pivots, solve_square, solve_symmetric
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.leg_forces import LegForces, on_platform
-from stewart_pin.kernels.graph.legs import PlacedLeg
+from stewart_pin.kernels.graph.legs import PlacedLeg, turning_of
 from stewart_pin.kernels.graph.platform_dynamics import (
     PlacedPlatform,
     balance_legs,
@@ -35,6 +35,9 @@ from stewart_pin.mechanics.constrained import require_held
 from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.model.loop_rows import AngleRow, orthonormal_triad
 from stewart_pin.typing import FloatArray
+
+_STANDS = 1e-9
+"""Idle motions that turn a body by less, relative to 1, are round-off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,10 +72,12 @@ def reactions_function(placed: PlacedPlatform) -> ca.Function:
     ActuationError
         If the motors cannot hold the robot at home.
     UnsupportedError
-        If forces within the mechanism are not determined by their norm.
+        If forces within the mechanism are not determined by their norm, or loop frame 1 by the pose.
     """
     plan = placed.plan
     require_held(plan.chain, analyse_freedom(plan.chain, plan.chain.q_home))
+    for leg in placed.legs:
+        _require_standing(leg)
     twist, acceleration = ca.SX.sym("twist", 6), ca.SX.sym("acceleration", 6)
     moving = platform_motion(plan.tree, placed.pose, twist, acceleration)
     forces = forces_of_legs(placed, moving)
@@ -89,6 +94,15 @@ def reactions_function(placed: PlacedPlatform) -> ca.Function:
         {"pose": placed.pose, "twist": twist, "acceleration": acceleration},
         {"lambda_c": lambda_c, **placed.infeasible(twist, acceleration)},
     )
+
+
+def _require_standing(placed: PlacedLeg) -> None:
+    """Refuse rows in axes of a body that idle motions turn: the pose does not tell where it stands."""
+    for end in placed.leg.ends:
+        if placed.idle.shape[1] and end.body_first and end.loop.index:
+            spins = turning_of(placed, end.body, placed.idle)
+            if np.abs(placed.values(spins)).max(initial=0.0) > _STANDS:
+                raise UnsupportedError(f"loop '{end.loop.name}' is described on a body that may turn idly")
 
 
 def _end_forces(placed: PlacedLeg, force: LegForces, tau_motor: ca.SX) -> ca.SX:

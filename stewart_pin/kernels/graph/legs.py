@@ -17,7 +17,7 @@ import casadi as ca
 
 from stewart_pin.kernels.elimination import Elimination, plan_pivots, solve_symmetric
 from stewart_pin.kernels.graph.joint_efforts import Wrench, efforts_of_wrenches
-from stewart_pin.kernels.graph.joint_motion import Placements, placements
+from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, motions, placements
 from stewart_pin.kernels.graph.leg_positions import LegPositions, leg_positions
 from stewart_pin.kernels.graph.platform_motion import PlatformMotion
 from stewart_pin.kernels.plan import Leg, LegEnd
@@ -234,9 +234,42 @@ def leg_rates(placed: PlacedLeg, moving: PlatformMotion) -> ca.SX:
         relative.append(placed.to_ends(velocity, k))
     rates = placed.reduced.transposed(ca.vertcat(*relative))
     if placed.idle.shape[1]:
-        overlap = placed.idle.T @ rates
+        overlap, square = _idle_norm(placed, moving, rates)
         if not all(overlap[k].is_zero() for k in range(overlap.shape[0])):
-            square = placed.idle.T @ placed.idle
             parts, _, _ = solve_symmetric(square, overlap, placed.values(square))
             rates = rates - placed.idle @ ca.vertcat(*parts)
     return rates
+
+
+def _idle_norm(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Overlap of rates with idle motions, and of these with each other, in the tangent of the tree."""
+    idle = placed.idle
+    overlap, square = idle.T @ rates, idle.T @ idle
+    for k, end in enumerate(placed.leg.ends):
+        if not end.loop.index:  # the joint that leads to the platform has rates of its own
+            spins = turning_of(placed, end.body, idle)
+            own = placed.to_ends(moving.omega, k) - turning_of(placed, end.body, rates)
+            overlap, square = overlap - spins.T @ own, square + spins.T @ spins
+    return overlap, square
+
+
+def turning_of(placed: PlacedLeg, body: int, rates: ca.SX) -> ca.SX:
+    """Turn a body of a leg whose root is at rest.
+
+    Parameters
+    ----------
+    placed
+        The leg.
+    body
+        Number of the body within the leg.
+    rates
+        (nv, k) rates of its joints.
+
+    Returns
+    -------
+    casadi.SX
+        (3, k) angular velocities, in axes of the body.
+    """
+    still, resting = ca.SX.zeros(placed.leg.nv), at_rest(ca.SX.zeros(3))
+    moved = [motions(placed.leg.joints, placed.at, x, still, resting) for x in ca.horzsplit(rates)]
+    return ca.sparsify(ca.horzcat(*(x.omega[body] for x in moved)))
