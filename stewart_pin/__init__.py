@@ -180,13 +180,13 @@ from stewart_pin.motion.control import SampledController as SampledController
 from stewart_pin.motion.earthquakes import earthquake_motion as earthquake_motion
 from stewart_pin.motion.earthquakes import response_spectrum as response_spectrum
 from stewart_pin.motion.earthquakes import synthetic_accelerogram as synthetic_accelerogram
+from stewart_pin.motion.motor_demand import MotorDemand as MotorDemand
+from stewart_pin.motion.motor_demand import motor_demand as motor_demand
 from stewart_pin.motion.profiles import chirp_motion as chirp_motion
 from stewart_pin.motion.profiles import minimum_jerk_motion as minimum_jerk_motion
 from stewart_pin.motion.profiles import spline_motion as spline_motion
 from stewart_pin.motion.shake_table import FitReport as FitReport
-from stewart_pin.motion.shake_table import MotorDemand as MotorDemand
 from stewart_pin.motion.shake_table import fit_to_limits as fit_to_limits
-from stewart_pin.motion.shake_table import motor_demand as motor_demand
 from stewart_pin.motion.simulation.events import Event as Event
 from stewart_pin.motion.simulation.motors import Motors as Motors
 from stewart_pin.motion.simulation.record import Simulation as Simulation
@@ -198,6 +198,7 @@ from stewart_pin.motion.trajectories import sample_times as sample_times
 from stewart_pin.motion.trajectories import sinusoidal_motion as sinusoidal_motion
 from stewart_pin.studies.comparison import Comparison as Comparison
 from stewart_pin.studies.comparison import compare_methods as compare_methods
+from stewart_pin.studies.demand_sweep import sweep_demand as sweep_demand
 from stewart_pin.studies.record import FailedPoint as FailedPoint
 from stewart_pin.studies.record import Sweep as Sweep
 from stewart_pin.studies.sweep import sweep as sweep

@@ -1,4 +1,4 @@
-"""Six-legged platforms as shake tables: what a motion asks of the motors, and how much of it they can give."""
+"""Platforms as shake tables: how much of a motion their motors can give."""
 
 from __future__ import annotations
 
@@ -6,46 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from stewart_pin.building.hexapod_bodies import hexapod_bodies
-from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
-from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
-from stewart_pin.geometry.leg_motion import leg_rates
-from stewart_pin.kernels.choosing import kernels_for
-from stewart_pin.kernels.compile import Kernels
-from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
-from stewart_pin.mechanics.kinematics import platform_motion, platform_pose
+from stewart_pin.errors import InputError
 from stewart_pin.model.chain import ClosedChain
-from stewart_pin.model.description import JointKind
+from stewart_pin.motion.motor_demand import MotorDemand, motor_demand
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.typing import FloatArray
 
 _ACCURACY = 1e-6
 """Relative accuracy of the scale found."""
-
-
-@dataclass(frozen=True, eq=False)
-class MotorDemand:
-    """What a motion asks of the motors.
-
-    Attributes
-    ----------
-    time
-        (N,) [s].
-    positions
-        (N, nu) [m or rad].
-    rates
-        (N, nu) [m/s or rad/s].
-    efforts
-        (N, nu) [N or N m].
-    """
-
-    time: FloatArray
-    positions: FloatArray
-    rates: FloatArray
-    efforts: FloatArray
 
 
 @dataclass(frozen=True)
@@ -102,57 +71,6 @@ class FitReport:
     binding: Binding | None
     unscaled: tuple[Binding, ...]
     margin: float
-
-
-def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool | None = None) -> MotorDemand:
-    """Compute what a platform motion asks of the motors, position limits ignored.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    samples
-        Motion of the platform.
-    kernels
-        Whether to use compiled kernels where there is no closed form; None: for more than a handful of states.
-
-    Returns
-    -------
-    MotorDemand
-        Positions, rates and efforts; in closed form for six-legged platforms. For other chains by kernels, or state by
-        state where a state has no answer, so that the error names it.
-
-    Raises
-    ------
-    ClosureError
-        If the chain cannot take a pose.
-    ActuationError
-        If the motors cannot hold it.
-    """
-    try:
-        hexapod, bodies = Hexapod.from_chain(chain), hexapod_bodies(chain)
-    except UnsupportedError:
-        compiled = kernels_for(chain, len(samples), kernels)
-        found = None if compiled is None else _by_kernels(compiled, samples)
-        return _state_by_state(chain, samples) if found is None else found
-    home = platform_pose(chain, chain.q_home)
-    # A file may count its strokes from another length than zero.
-    offset = chain.q_home[chain.motor_q_index] - leg_lengths(hexapod, home.translation, home.rotation)
-    forces = hexapod_inverse_dynamics(
-        hexapod,
-        bodies,
-        samples.position,
-        samples.rotation,
-        samples.twist,
-        samples.acceleration,
-        gravity=chain.gravity,
-    )
-    return MotorDemand(
-        time=samples.time,
-        positions=leg_lengths(hexapod, samples.position, samples.rotation) + offset,
-        rates=leg_rates(hexapod, samples.position, samples.rotation, samples.twist),
-        efforts=forces.actuator,
-    )
 
 
 def fit_to_limits(
@@ -259,33 +177,3 @@ def _most_used(
         float(allowed[at]),
         float(use[at]),
     )
-
-
-def _by_kernels(kernels: Kernels, samples: PlatformSamples) -> MotorDemand | None:
-    """All states at once, or None where one of them has no answer."""
-    pose = np.hstack([samples.position, Rotation.from_matrix(samples.rotation).as_quat()])
-    positions = kernels.inverse_kinematics(pose)
-    rates = np.einsum("nij,nj->ni", kernels.motor_jacobian(pose), samples.twist)
-    efforts = kernels.inverse_dynamics(pose, samples.twist, samples.acceleration)
-    if not np.isfinite(efforts).all():
-        return None
-    # Angles are those of home's branch; they go on where a motor has turned further.
-    turning = [
-        joint.kind is JointKind.REVOLUTE for joint in map(kernels.chain.mechanism.joint, kernels.chain.motors)
-    ]
-    positions[:, turning] = np.unwrap(positions[:, turning], axis=0)
-    return MotorDemand(samples.time, positions, rates, efforts)
-
-
-def _state_by_state(chain: ClosedChain, samples: PlatformSamples) -> MotorDemand:
-    shape = (len(samples), chain.nu)
-    positions, rates, efforts = np.empty(shape), np.empty(shape), np.empty(shape)
-    q = chain.q_home
-    for k in range(len(samples)):
-        state = platform_motion(
-            chain, samples.pose(k), samples.twist[k], samples.acceleration[k], q_guess=q, limits=False
-        )
-        q = state.q
-        positions[k], rates[k] = q[chain.motor_q_index], state.v[chain.motor_index]
-        efforts[k] = inverse_dynamics(chain, q, state.v, state.a).tau_motor
-    return MotorDemand(samples.time, positions, rates, efforts)

@@ -6,7 +6,7 @@ import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from stewart_pin.errors import InputError, MissingExtraError, StewartPinError
 from stewart_pin.studies.points import Point, words
 from stewart_pin.typing import FloatArray
 
+T = TypeVar("T")
 Results: TypeAlias = dict[str, FloatArray]
 """Named results of one point."""
 
@@ -64,31 +65,30 @@ class EachPoint:
         list
             What it answered at each.
         """
-        return [answer_of(lambda point=point: self.function(**point), point) for point in points]
+        return [self._answer(point) for point in points]
+
+    def _answer(self, point: Point) -> Answer:
+        value = ask(lambda: self.function(**point), point)
+        return value if isinstance(value, NoAnswer) else as_results(value, point)
 
 
-def answer_of(call: Callable[[], Any], point: Point) -> Answer:
-    """Take the answer of one point, and errors of the package as one.
+def ask(call: Callable[[], T], point: Point) -> T | NoAnswer:
+    """Take what a function gives at a point, and errors of the package for its answer.
 
     Parameters
     ----------
     call
-        What answers.
+        What gives.
     point
-        Where, for messages.
+        Where; other errors than those of the package are sent on with a note that says so.
 
     Returns
     -------
-    dict or NoAnswer
-        Named results, or why there are none.
-
-    Raises
-    ------
-    InputError
-        If the answer is no number and no array of them.
+    object or NoAnswer
+        What it gave, or why it did not.
     """
     try:
-        value = call()
+        return call()
     except StewartPinError as error:
         if not isinstance(error, MissingExtraError):  # which says nothing about the point
             return NoAnswer(type(error).__name__, str(error))
@@ -99,7 +99,6 @@ def answer_of(call: Callable[[], Any], point: Point) -> Answer:
             error = RuntimeError(f"{type(error).__name__}: {error}")
         error.add_note(note)
         raise error from error.__cause__
-    return as_results(value, point)
 
 
 def _travels(error: Exception) -> bool:

@@ -235,9 +235,14 @@ def function_name(function: Callable[..., Any]) -> str:
     Returns
     -------
     str
-        Module and name; for an object, those of its class.
+        Module and name, of an object those of its class; of a partial function also numbers and strings that are bound.
     """
-    while isinstance(function, functools.partial):
-        function = function.func
+    if isinstance(function, functools.partial):
+        bound = [*map(_short, function.args), *(f"{k}={_short(v)}" for k, v in function.keywords.items())]
+        return f"{function_name(function.func)}({', '.join(bound)})"
     named = function if inspect.isroutine(function) or inspect.isclass(function) else type(function)
     return f"{named.__module__}.{named.__qualname__}"
+
+
+def _short(value: object) -> str:
+    return repr(value) if isinstance(value, (bool, int, float, str)) else f"<{type(value).__name__}>"

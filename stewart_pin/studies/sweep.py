@@ -95,8 +95,6 @@ def sweep(
     points = as_points(axes, paired=paired)
     require_parameters(function, list(points.axes))
     require_portable(executor, function, function_name(function))
-    if isinstance(chunk, bool) or not isinstance(chunk, int) or chunk < 1:
-        raise InputError(f"chunk must be a number of points, 1 or more, got {chunk!r}")
     return sweep_study(
         EachPoint(function),
         points,
@@ -146,8 +144,10 @@ def sweep_study(
     Raises
     ------
     InputError
-        If points give results of different names or shapes.
+        If points give results of different names or shapes, or an option makes no sense.
     """
+    if isinstance(chunk, bool) or not isinstance(chunk, int) or chunk < 1:
+        raise InputError(f"chunk must be a number of points, 1 or more, got {chunk!r}")
     most = tasks_in_flight(executor, in_flight)
     say = progress or (lambda stage, done, total: None)
     ledger = Ledger(points)

@@ -8,7 +8,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import ClosureError
-from stewart_pin.motion.shake_table import _state_by_state
+from stewart_pin.motion.motor_demand import _state_by_state
 from tests.closed_states import close, robot
 
 TIME = np.linspace(0.0, 1.0, 201)

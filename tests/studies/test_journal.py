@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import os
 import signal
@@ -173,6 +174,12 @@ def test_special_numbers_are_kept(path: Path) -> None:
     ("function", "axes", "options", "words"),
     [
         (functions.slow_wave, AXES, {}, r"its study is 'tests.*\.wave', this one 'tests.*\.slow_wave'"),
+        (
+            functools.partial(functions.wave, b=2.0),
+            {"a": A},
+            {},
+            r"this one 'tests.*\.wave\(b=2\.0\)'; its axes are",
+        ),
         (functions.wave, AXES, {"name": "20 kg"}, "this one '20 kg'"),
         (functions.wave, {"b": B, "a": A}, {}, "its axes are a, b, here b, a"),
         (

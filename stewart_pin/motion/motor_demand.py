@@ -1,0 +1,243 @@
+"""What motions of the platform ask of the motors: in closed form, by kernels for many states at once, or one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from stewart_pin.building.hexapod_bodies import hexapod_bodies
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
+from stewart_pin.geometry.hexapod_bodies import HexapodBodies
+from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
+from stewart_pin.geometry.leg_motion import leg_rates
+from stewart_pin.kernels.choosing import kernels_for
+from stewart_pin.kernels.compile import Kernels
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
+from stewart_pin.mechanics.kinematics import State, platform_motion, platform_pose
+from stewart_pin.model.chain import ClosedChain
+from stewart_pin.model.description import JointKind
+from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.typing import Configuration, FloatArray
+
+_CLOSED_FORM = 100
+"""States that the closed form does in the time that the one-state verbs take for one."""
+_CHUNK = 1 << 16
+"""States in one call of a kernel: 20 MB of Jacobians."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotorDemand:
+    """What a motion asks of the motors.
+
+    Attributes
+    ----------
+    time
+        (N,) [s].
+    positions
+        (N, nu) [m or rad].
+    rates
+        (N, nu) [m/s or rad/s].
+    efforts
+        (N, nu) [N or N m].
+    """
+
+    time: FloatArray
+    positions: FloatArray
+    rates: FloatArray
+    efforts: FloatArray
+
+
+def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool | None = None) -> MotorDemand:
+    """Compute what a platform motion asks of the motors, position limits ignored.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    samples
+        Motion of the platform.
+    kernels
+        Whether to use compiled kernels; None: for more than a handful of states, of platforms with a closed form for
+        tens of thousands.
+
+    Returns
+    -------
+    MotorDemand
+        Positions, rates and efforts. Without kernels in closed form for six-legged platforms, and state by state for
+        other chains; so too where kernels have no answer for a state, so that the error names it.
+
+    Raises
+    ------
+    ClosureError
+        If the chain cannot take a pose.
+    ActuationError
+        If the motors cannot hold it.
+    MissingExtraError
+        If kernels are wanted and CasADi is not installed.
+    UnsupportedError
+        If kernels are wanted and the chain cannot be compiled.
+    """
+    compiled = demand_kernels(chain, len(samples), kernels)
+    if compiled is None:
+        return demand_by_formula(chain, samples)
+    found = demands_by_kernels(compiled, [samples])[0]
+    return found if isinstance(found, MotorDemand) else demand_by_formula(chain, samples, suspect=found)
+
+
+def demand_kernels(chain: ClosedChain, states: float, wanted: bool | None) -> Kernels | None:
+    """Compile kernels, if so many states are worth it.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    states
+        Number of states.
+    wanted
+        True, False or None, as in `motor_demand`.
+
+    Returns
+    -------
+    Kernels or None
+        Kernels, or None where a demand is better computed without.
+    """
+    closed_form = wanted is None and _closed_form(chain) is not None
+    return kernels_for(chain, int(states) // (_CLOSED_FORM if closed_form else 1), wanted)
+
+
+def demands_by_kernels(kernels: Kernels, motions: Sequence[PlatformSamples]) -> list[MotorDemand | int]:
+    """Compute the demands of several motions, all states at once.
+
+    Parameters
+    ----------
+    kernels
+        Kernels of the chain, in platform coordinates.
+    motions
+        Motions of the platform.
+
+    Returns
+    -------
+    list of MotorDemand or int
+        For each motion its demand, bit for bit the same in any company, or the index of its first state that the
+        kernels have no answer for.
+    """
+    ends = np.cumsum([len(samples) for samples in motions])
+    pose = np.concatenate([_poses(samples) for samples in motions])
+    twist = np.concatenate([samples.twist for samples in motions])
+    acceleration = np.concatenate([samples.acceleration for samples in motions])
+    positions, rates, efforts = (np.empty((len(pose), kernels.chain.nu)) for _ in range(3))
+    for begin in range(0, len(pose), _CHUNK):
+        part = slice(begin, begin + _CHUNK)
+        positions[part] = kernels.inverse_kinematics(pose[part])
+        rates[part] = np.einsum("nij,nj->ni", kernels.motor_jacobian(pose[part]), twist[part])
+        efforts[part] = kernels.inverse_dynamics(pose[part], twist[part], acceleration[part])
+    answered = np.asarray(np.isfinite(np.hstack([positions, efforts])).all(axis=1))
+    turning = [
+        joint.kind is JointKind.REVOLUTE for joint in map(kernels.chain.mechanism.joint, kernels.chain.motors)
+    ]
+    found: list[MotorDemand | int] = []
+    for samples, end in zip(motions, ends, strict=True):
+        part = slice(end - len(samples), end)
+        if not answered[part].all():
+            found.append(int(np.argmin(answered[part])))
+            continue
+        if any(turning):
+            # Angles are those of home's branch; they go on where a motor has turned further.
+            positions[part, turning] = np.unwrap(positions[part, turning], axis=0)
+        found.append(MotorDemand(samples.time, positions[part], rates[part], efforts[part]))
+    return found
+
+
+def demand_by_formula(
+    chain: ClosedChain, samples: PlatformSamples, *, suspect: int | None = None
+) -> MotorDemand:
+    """Compute a demand in closed form where there is one, and state by state elsewhere.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    samples
+        Motion of the platform.
+    suspect
+        Index of a state that probably has no answer: it is looked at first, so that the error comes soon.
+
+    Returns
+    -------
+    MotorDemand
+        Positions, rates and efforts.
+
+    Raises
+    ------
+    ClosureError
+        If the chain cannot take a pose.
+    ActuationError
+        If the motors cannot hold it.
+    """
+    closed_form = _closed_form(chain)
+    if closed_form is not None:
+        return _by_closed_form(chain, *closed_form, samples)
+    if suspect is not None:
+        _one_state(chain, samples, suspect, chain.q_home)
+    return _state_by_state(chain, samples)
+
+
+@lru_cache(maxsize=8)
+def _closed_form(chain: ClosedChain) -> tuple[Hexapod, HexapodBodies] | None:
+    try:
+        return Hexapod.from_chain(chain), hexapod_bodies(chain)
+    except UnsupportedError:
+        return None
+
+
+def _by_closed_form(
+    chain: ClosedChain, hexapod: Hexapod, bodies: HexapodBodies, samples: PlatformSamples
+) -> MotorDemand:
+    home = platform_pose(chain, chain.q_home)
+    # A file may count its strokes from another length than zero.
+    offset = chain.q_home[chain.motor_q_index] - leg_lengths(hexapod, home.translation, home.rotation)
+    place = (samples.position, samples.rotation)
+    forces = hexapod_inverse_dynamics(
+        hexapod, bodies, *place, samples.twist, samples.acceleration, gravity=chain.gravity
+    )
+    return MotorDemand(
+        time=samples.time,
+        positions=leg_lengths(hexapod, *place) + offset,
+        rates=leg_rates(hexapod, *place, samples.twist),
+        efforts=forces.actuator,
+    )
+
+
+def _state_by_state(chain: ClosedChain, samples: PlatformSamples) -> MotorDemand:
+    shape = (len(samples), chain.nu)
+    positions, rates, efforts = np.empty(shape), np.empty(shape), np.empty(shape)
+    q = chain.q_home
+    for k in range(len(samples)):
+        state, efforts[k] = _one_state(chain, samples, k, q)
+        q = state.q
+        positions[k], rates[k] = q[chain.motor_q_index], state.v[chain.motor_index]
+    return MotorDemand(samples.time, positions, rates, efforts)
+
+
+def _one_state(
+    chain: ClosedChain, samples: PlatformSamples, k: int, q_guess: Configuration
+) -> tuple[State, FloatArray]:
+    state = platform_motion(
+        chain, samples.pose(k), samples.twist[k], samples.acceleration[k], q_guess=q_guess, limits=False
+    )
+    return state, inverse_dynamics(chain, state.q, state.v, state.a).tau_motor
+
+
+def _poses(samples: PlatformSamples) -> FloatArray:
+    """Position and quaternion of each instant [m, unit quaternion]."""
+    rotation = samples.rotation
+    if len(samples) and rotation.strides[0] == 0:  # one orientation for all, as sinusoids have
+        quaternion = np.broadcast_to(Rotation.from_matrix(rotation[0]).as_quat(), (len(samples), 4))
+    else:
+        quaternion = Rotation.from_matrix(rotation).as_quat()
+    return np.hstack([samples.position, quaternion])

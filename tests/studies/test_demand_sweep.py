@@ -1,0 +1,370 @@
+"""Demands over grids of motions: against closed forms, without kernels, in any company and on any executor."""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.errors import InputError, UnsupportedError
+from stewart_pin.motion import motor_demand as motor_demand_module
+from stewart_pin.studies import demand_study
+from stewart_pin.studies.demand_sweep import _digest
+from tests.studies import functions
+from tests.studies.motions import PHASE, design, robot, shake, shake_stewart
+from tests.studies.test_sweep import same
+
+AXES = {"amplitude": [0.002, 0.05, 0.1], "frequency": [0.5, 3.0, 8.0, 12.0]}
+NAMES = {"peak_effort", "rms_effort", "lowest_position", "highest_position", "travel", "peak_rate"} | {
+    "peak_power",
+    "mean_power",
+}
+
+
+def close(found: stp.Sweep, expected: stp.Sweep, tolerance: float = 1e-10) -> None:
+    """Equal, but for a part of the largest value of each figure."""
+    assert set(found.results) == set(expected.results) == NAMES
+    for name, values in expected.results.items():
+        largest = np.nanmax(np.abs(values))
+        np.testing.assert_allclose(found[name], values, rtol=0, atol=tolerance * largest, err_msg=name)
+
+
+def test_figures_are_those_of_the_closed_form_at_every_point() -> None:
+    chain = robot("stewart")
+    found = stp.sweep_demand(chain, shake_stewart, AXES, kernels=True)
+    assert found["peak_effort"].shape == (3, 4, 6) and found.success
+    hexapod, bodies = stp.Hexapod.from_chain(chain), stp.hexapod_bodies(chain)
+    home = stp.platform_pose(chain, chain.q_home)
+    for i, part in enumerate(AXES["amplitude"]):
+        for j, frequency in enumerate(AXES["frequency"]):
+            size, w = part * chain.length_scale, 2 * np.pi * frequency
+            wave = np.sin(2 * np.pi * PHASE)
+            position = home.translation + np.outer(size * wave, [1, 0, 0])
+            twist, acceleration = np.zeros((2, 40, 6))
+            twist[:, 0] = size * w * np.cos(2 * np.pi * PHASE)
+            acceleration[:, 0] = -size * w**2 * wave
+            force = stp.hexapod_inverse_dynamics(
+                hexapod, bodies, position, home.rotation, twist, acceleration, gravity=chain.gravity
+            ).actuator
+            length = stp.leg_lengths(hexapod, position, home.rotation)
+            rate = np.einsum("nij,nj->ni", stp.leg_jacobian(hexapod, position, home.rotation), twist)
+            expected = {
+                "peak_effort": np.abs(force).max(axis=0),
+                "rms_effort": np.sqrt(np.square(force).mean(axis=0)),
+                "lowest_position": length.min(axis=0),
+                "highest_position": length.max(axis=0),
+                "travel": np.ptp(length, axis=0),
+                "peak_rate": np.abs(rate).max(axis=0),
+                "peak_power": np.abs(force * rate).max(axis=0),
+                "mean_power": np.abs(force * rate).mean(axis=0),
+            }
+            for name, values in expected.items():
+                # Round-off of 1e-15, times some hundred operations.
+                np.testing.assert_allclose(found[name][i, j], values, rtol=0, atol=1e-12 * values.max())
+
+
+def test_a_point_mass_on_light_legs_asks_for_mass_times_g_plus_amplitude_omega_squared() -> None:
+    chain = stp.massless_legs(robot("stewart"), point_platform=True)
+    home = stp.platform_pose(chain, chain.q_home)
+
+    def heave(amplitude: float, frequency: float) -> stp.PlatformSamples:
+        along = np.array([0.0, 0.0, 1.0])
+        return stp.sinusoidal_motion(
+            PHASE / frequency, home=home, amplitude=amplitude * along, frequency=frequency * along
+        )
+
+    amplitude, frequency = np.array([1e-3, 0.05, 0.2]), np.array([2.0, 10.0])
+    found = stp.sweep_demand(chain, heave, {"amplitude": amplitude, "frequency": frequency}, kernels=True)
+    # Lowest and pushed upwards most at the same instant. Each leg gives a sixth, along its own slope; all are equal.
+    height = home.translation[2]
+    radius = np.sqrt(found["lowest_position"][..., 0] ** 2 - (height - amplitude[:, None]) ** 2)
+    low = height - amplitude[:, None]
+    slope = low / np.hypot(radius, low)
+    force = 20.0 * (9.81 + amplitude[:, None] * (2 * np.pi * frequency) ** 2) / (6 * slope)
+    np.testing.assert_allclose(found["peak_effort"], np.repeat(force[..., None], 6, axis=-1), rtol=1e-9)
+    ends = [np.hypot(radius, height + sign * amplitude[:, None]) for sign in (1, -1)]
+    np.testing.assert_allclose(found["travel"][..., 0], ends[0] - ends[1], rtol=1e-9)
+
+
+def test_lowering_a_weight_gives_its_energy_to_the_motors() -> None:
+    """Slowly, so that every motor brakes all the way; turned, so that orientations count."""
+    chain = stp.massless_legs(robot("stewart"), point_platform=True)
+    home = stp.platform_pose(chain, chain.q_home)
+    time = np.linspace(0.0, 20.0, 2001)
+
+    def lower(height: float, yaw: float) -> stp.PlatformSamples:
+        end = pin.SE3(home.rotation @ pin.rpy.rpyToMatrix(0.0, 0.0, yaw), home.translation - [0, 0, height])
+        return stp.minimum_jerk_motion(time, start=home, end=end, duration=20.0)
+
+    axes = {"height": [0.1, 0.3], "yaw": [0.0, 0.1]}
+    found = stp.sweep_demand(chain, lower, axes, kernels=True)
+    # The trapezoidal rule is exact to 1e-9 here: all derivatives vanish at the ends but the third and later ones.
+    energy = found["mean_power"].sum(axis=-1) * 20.0 * 2001 / 2000
+    np.testing.assert_allclose(energy, np.array([[0.1], [0.3]]) * 20.0 * 9.81 * [[1.0, 1.0]], rtol=1e-6)
+    # The speed is greatest halfway, 15/8 of its mean.
+    total = found["peak_power"].sum(axis=-1)[:, 0]
+    np.testing.assert_allclose(total, np.array([0.1, 0.3]) / 20.0 * 15 / 8 * 20.0 * 9.81, rtol=0.01)
+    close(found, stp.sweep_demand(chain, lower, axes, kernels=False))
+
+
+@pytest.mark.parametrize("name", ["stewart", "hexapod_rss", "delta", "rpr_planar", "arm_3r_planar"])
+def test_kernels_change_nothing(name: str) -> None:
+    """Legs in closed form and, of the arm, iteration; the careful verbs take milliseconds a state, so few points."""
+    chain = robot(name)
+    axes = {"amplitude": [0.05], "frequency": [4.0], "axis": ["x", "y"]}
+    motion = functools.partial(shake, chain)
+    found = stp.sweep_demand(chain, motion, axes, kernels=True)
+    assert found.success
+    close(found, stp.sweep_demand(chain, motion, axes, kernels=False))
+
+
+def test_a_robot_that_cannot_be_compiled_says_why_or_does_without() -> None:
+    chain = replace(robot("arm_7r"), q_home=np.full(7, 0.4))  # bent, so that it can go any way
+    motion = functools.partial(shake, chain)
+    axes = {"amplitude": [0.01], "frequency": [1.0, 2.0]}
+    with pytest.raises(UnsupportedError, match="leave 1 freedom"):
+        stp.sweep_demand(chain, motion, axes, kernels=True)
+    close(stp.sweep_demand(chain, motion, axes), stp.sweep_demand(chain, motion, axes, kernels=False))
+
+
+@pytest.mark.parametrize("kernels", [True, False])
+def test_what_is_out_of_reach_is_named(kernels: bool) -> None:
+    chain = robot("delta")
+    found = stp.sweep_demand(
+        chain,
+        functools.partial(shake, chain),
+        {"amplitude": [0.05, 3.0], "frequency": [1.0]},
+        kernels=kernels,
+    )
+    assert [(failed.index, failed.error) for failed in found.failures] == [((1, 0), "ClosureError")]
+    assert np.isfinite(found["peak_effort"][0]).all() and np.isnan(found["peak_effort"][1]).all()
+
+
+def test_the_state_that_fails_is_looked_at_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A motion of many states is not followed up to the one that cannot be reached."""
+    tried: list[int] = []
+    plain = motor_demand_module._one_state
+
+    def noting(chain, samples, k, q_guess):
+        tried.append(k)
+        return plain(chain, samples, k, q_guess)
+
+    monkeypatch.setattr(motor_demand_module, "_one_state", noting)
+    chain = robot("delta")
+    found = stp.sweep_demand(
+        chain, functools.partial(shake, chain, frequency=1.0), {"amplitude": [1.0]}, kernels=True
+    )
+    assert len(found.failures) == 1
+    assert len(tried) == 1 and 0 < tried[0] < 10
+
+
+def test_designs_may_stand_side_by_side() -> None:
+    """The study itself takes points of several designs in any order."""
+    study = demand_study.DemandStudy(
+        design, functools.partial(shake, frequency=5.0), ("radius",), ("amplitude", "chain"), True, 1.0
+    )
+    points = [{"radius": radius, "amplitude": 0.05} for radius in (0.5, 0.7, 0.5)]
+    first, second, third = study(points)
+    for name in NAMES:
+        np.testing.assert_array_equal(first[name], third[name])
+        np.testing.assert_array_equal(second[name], study(points[1:2])[0][name])
+    assert np.abs(first["peak_effort"] - second["peak_effort"]).max() > 1.0
+
+
+def test_neither_company_nor_executor_changes_a_bit(tmp_path: Path) -> None:
+    """The last point fails in the middle of a call of the kernels."""
+    chain = robot("delta")
+    motion = functools.partial(shake, chain)
+    axes = {"amplitude": [0.01, 0.03, 0.05, 3.0], "frequency": [1.0, 2.0]}
+    sweep = functools.partial(stp.sweep_demand, chain, motion, axes, kernels=True)
+    whole = sweep()
+    assert len(whole.failures) == 2
+    same(sweep(chunk=1), whole)
+    with ThreadPoolExecutor(4) as pool:
+        for chunk in (1, 5):
+            same(sweep(executor=pool, chunk=chunk), whole)
+    with functions.processes(2) as pool:
+        same(sweep(executor=pool, chunk=2), whole)
+
+    def interrupt(stage: str, done: int, total: int) -> None:
+        if done >= 5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sweep(journal=tmp_path / "journal", chunk=5, progress=interrupt)
+    same(sweep(journal=tmp_path / "journal"), whole)
+
+
+def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = stp.sweep_demand(robot("stewart"), shake_stewart, AXES, kernels=True)
+    states: list[int] = []
+    plain = demand_study.demands_by_kernels
+
+    def noting(kernels: object, motions: Sequence[stp.PlatformSamples]) -> object:
+        states.append(sum(map(len, motions)))
+        return plain(kernels, motions)
+
+    monkeypatch.setattr(demand_study, "demands_by_kernels", noting)
+    monkeypatch.setattr(demand_study, "_STATES", 100)
+    monkeypatch.setattr(motor_demand_module, "_CHUNK", 32)
+    same(stp.sweep_demand(robot("stewart"), shake_stewart, AXES, kernels=True, chunk=12), whole)
+    assert sum(states) == 12 * 40 and max(states) <= 100 + 40
+
+
+def test_motions_may_differ_in_length() -> None:
+    chain = robot("stewart")
+    home = stp.platform_pose(chain, chain.q_home)
+
+    def instants(count: int) -> stp.PlatformSamples:
+        return stp.sinusoidal_motion(np.arange(count) / count, home=home)
+
+    found = stp.sweep_demand(chain, instants, {"count": [1, 500, 7]}, kernels=True)
+    for k, count in enumerate([1, 500, 7]):
+        demand = stp.motor_demand(chain, instants(count), kernels=False)
+        np.testing.assert_allclose(
+            found["rms_effort"][k], np.sqrt(np.square(demand.efforts).mean(axis=0)), rtol=1e-12
+        )
+        np.testing.assert_allclose(found["peak_rate"][k], np.abs(demand.rates).max(axis=0), atol=1e-12)
+
+
+def test_designs_are_points_as_well() -> None:
+    axes = {"amplitude": [0.02, 0.1], "radius": [0.4, 0.6, 0.8], "half_angle": [0.2, np.pi / 3 - 0.3]}
+    found = stp.sweep_demand(design, functools.partial(shake, frequency=5.0), axes, kernels=True)
+    # Base and platform are then similar hexagons, which no chain is built of.
+    assert {(failed.index[2], failed.error) for failed in found.failures} == {(1, "InputError")}
+    assert len(found.failures) == 6
+    for i, amplitude in enumerate(axes["amplitude"]):
+        for j, radius in enumerate(axes["radius"]):
+            chain = design(radius)
+            demand = stp.motor_demand(chain, shake(chain, amplitude, 5.0), kernels=False)
+            expected = np.abs(demand.efforts).max(axis=0)
+            np.testing.assert_allclose(found["peak_effort"][i, j, 0], expected, rtol=1e-10)
+    paired = {"radius": [0.8, 0.4, 0.8], "amplitude": [0.1, 0.02, 0.02]}
+    listed = stp.sweep_demand(
+        design, functools.partial(shake, frequency=5.0), paired, paired=True, kernels=True
+    )
+    for k, index in enumerate([(1, 2, 0), (0, 0, 0), (0, 2, 0)]):
+        np.testing.assert_array_equal(listed["peak_effort"][k], found["peak_effort"][index])
+
+
+def test_a_design_is_built_once_and_compiled_where_it_is_worth_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    built: list[float] = []
+    compiled: list[object] = []
+
+    def counted(radius: float) -> stp.ClosedChain:
+        built.append(radius)
+        # Without a closed form, so that a handful of states is worth it.
+        monkeypatch.setattr(motor_demand_module, "_closed_form", lambda chain: None)
+        return design(radius)
+
+    plain = demand_study.demands_by_kernels
+
+    def noting(kernels, motions) -> object:
+        compiled.append(kernels)
+        return plain(kernels, motions)
+
+    monkeypatch.setattr(demand_study, "demands_by_kernels", noting)
+    axes = {"amplitude": np.linspace(0.01, 0.1, 8), "radius": [0.5, 0.7]}
+    motion = functools.partial(shake, frequency=2.0)
+    stp.sweep_demand(counted, motion, axes, chunk=3)  # 8 motions of 40 states for each design
+    assert sorted(built) == [0.5, 0.7] and len(set(compiled)) == 2 and len(compiled) == 6
+    compiled.clear()
+    stp.sweep_demand(counted, motion, {"amplitude": [0.01], "radius": [0.5]})
+    assert compiled == []
+
+
+def test_threads_compile_without_harm() -> None:
+    """Many first calls at the same time, of a chain that nobody has compiled before."""
+    for _ in range(2):
+        chain = stp.load("rpr_planar")
+        motion = functools.partial(shake, chain)
+        axes = {"amplitude": np.linspace(0.001, 0.05, 12), "frequency": [1.0]}
+        with ThreadPoolExecutor(6) as pool:
+            found = stp.sweep_demand(chain, motion, axes, kernels=True, executor=pool, chunk=1)
+        same(found, stp.sweep_demand(chain, motion, axes, kernels=True))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"axes": {"amplitude": [0.1], "speed": [1.0]}},
+            r"axis 'speed' is no parameter of the motion .*shake",
+        ),
+        ({"axes": {"amplitude": [0.1]}}, "missing a required argument: 'frequency'"),
+        ({"axes": {"amplitude": [0.1], "frequency": [1.0], "chain": [1]}}, "axis 'chain' is no parameter"),
+        ({"motion": lambda amplitude, frequency: 3}, r"must give a PlatformSamples, at amplitude=0\.1"),
+        ({"motion": 3}, "motion must be a function"),
+        ({"chain": "stewart"}, "chain must be a ClosedChain or a function"),
+        ({"chain": lambda: 3}, "chain .* must give a ClosedChain"),
+        ({"chain": lambda radius: 3}, "missing a required argument: 'radius'"),
+        ({"kernels": 3}, "kernels must be True, False or None"),
+        ({"chunk": 0}, "chunk must be"),
+    ],
+)
+def test_bad_input_is_refused(changes, words: str) -> None:
+    given = {
+        "chain": robot("stewart"),
+        "motion": shake_stewart,
+        "axes": {"amplitude": [0.1], "frequency": [1.0]},
+    }
+    given |= changes
+    if given["motion"] is shake_stewart and "chain" in given["axes"]:
+        given["motion"] = shake
+    with pytest.raises(InputError, match=words):
+        stp.sweep_demand(given.pop("chain"), given.pop("motion"), given.pop("axes"), **given)
+
+
+def test_a_motion_without_instants_is_refused() -> None:
+    chain = robot("stewart")
+    home = stp.platform_pose(chain, chain.q_home)
+    with pytest.raises(InputError, match="gives no instant at count=0"):
+        stp.sweep_demand(
+            chain, lambda count: stp.sinusoidal_motion(np.zeros(count), home=home), {"count": [0]}
+        )
+
+
+def test_what_cannot_be_sent_is_refused() -> None:
+    lock = threading.Lock()
+    with functions.processes(1) as pool, pytest.raises(InputError, match="cannot be sent to other processes"):
+        stp.sweep_demand(
+            robot("stewart"),
+            functools.partial(shake_stewart, frequency=lock),
+            {"amplitude": [0.1]},
+            executor=pool,
+        )
+
+
+def test_a_journal_knows_the_robot(tmp_path: Path) -> None:
+    chain = robot("stewart")
+    stp.sweep_demand(chain, shake_stewart, AXES, journal=tmp_path / "journal", kernels=True)
+    again = stp.load("stewart")  # the same file, loaded again
+    stp.sweep_demand(again, shake_stewart, AXES, journal=tmp_path / "journal", kernels=True)
+    for other in (
+        stp.massless_legs(chain),
+        stp.load("stewart_sps"),
+        stp.load("stewart", gravity=(0, 0, -1.6)),
+    ):
+        with pytest.raises(InputError, match="belongs to another study"):
+            stp.sweep_demand(other, shake_stewart, AXES, journal=tmp_path / "journal")
+
+
+def test_the_digest_sees_the_loops_too() -> None:
+    chain = robot("stewart")
+    first, *others = chain.loops
+    moved = replace(first, placement1=first.placement1 * pin.SE3(np.eye(3), np.array([1e-9, 0.0, 0.0])))
+    other = replace(chain, mechanism=replace(chain.mechanism, loops=(moved, *others)))
+    assert _digest(other) != _digest(chain) == _digest(stp.load("stewart"))
+
+
+def test_no_point_is_no_demand() -> None:
+    found = stp.sweep_demand(robot("stewart"), shake_stewart, {"amplitude": [], "frequency": [1.0]})
+    assert found.shape == (0, 1) and not found.results
