@@ -118,6 +118,7 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
         np.tile(x, (16, 1)) for x in (pose, twist, acceleration)
     ]  # so that the start of a thread counts little
     room = np.empty((16 * N, chain.nu))
+    wide = np.empty((N, chain.nu, len(kernels.inertial_parameters)))
     size = np.abs(tau).max()
     for name, other in (
         ("lean", lean_pinocchio(chain, q, v, a)),
@@ -151,6 +152,7 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
         "forward dynamics": (lambda: kernels.forward_dynamics(pose, twist, tau), N),
         "loop reactions": (lambda: kernels.reactions(pose, twist, acceleration), N),
         "regressor": (lambda: kernels.regressor(pose, twist, acceleration), N),
+        "regressor, out=": (lambda: kernels.regressor(pose, twist, acceleration, out=wide), N),
         "six lengths": (lambda: kernels.inverse_kinematics(pose), N),
         "forward kinematics, from home": (lambda: kernels.forward_kinematics(lengths, home), N),
         "forward kinematics, 1 cm beside": (lambda: kernels.forward_kinematics(lengths, near), N),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,7 +12,7 @@ from scipy.optimize import brentq
 import stewart_pin as stp
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.graph.leg_reactions import reactions_function
-from stewart_pin.kernels.graph.platform_dynamics import place_platform
+from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, place_platform
 from stewart_pin.kernels.plan import plan_platform
 from stewart_pin.kernels.report import count_operations
 from stewart_pin.kernels.status import StateStatus
@@ -25,9 +27,14 @@ BUNDLED = ("stewart", "stewart_sps", "stewart_cad", "stewart_s1", "rpr_planar", 
 """Robots that come apart into legs."""
 
 
+@cache
+def placed_platform(name: str) -> PlacedPlatform:
+    return place_platform(plan_platform(TIED[name]())) if name in TIED else platform(name)
+
+
 @pytest.mark.parametrize("name", [*PLATFORMS, *TIED])
 def test_reactions_agree_with_the_one_state_verb(name: str, rng: np.random.Generator) -> None:
-    placed = place_platform(plan_platform(TIED[name]())) if name in TIED else platform(name)
+    placed = placed_platform(name)
     reactions = reactions_function(placed)
     for pose, twist, acceleration, s in states(placed, rng, 2):
         expected = stp.inverse_dynamics(placed.plan.chain, s.q, s.v, s.a).lambda_c

@@ -10,15 +10,13 @@ import stewart_pin as stp
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.function_set import FunctionSet
 from stewart_pin.kernels.graph.leg_regressor import platform_regressor
-from stewart_pin.kernels.graph.platform_dynamics import place_platform
-from stewart_pin.kernels.plan import plan_platform
 from stewart_pin.kernels.report import count_operations
 from stewart_pin.kernels.status import StateStatus
 from stewart_pin.mechanics.freedom import analyse_freedom
 from tests.closed_states import close, robot
 from tests.kernels.platforms import PLATFORMS
 from tests.kernels.test_compile import LIKE_ANOTHER, kernels, platform_states
-from tests.kernels.test_leg_reactions import BUNDLED
+from tests.kernels.test_leg_reactions import BUNDLED, placed_platform
 from tests.kernels.test_platform_dynamics import platform, states
 from tests.kernels.tied_platforms import TIED
 
@@ -36,7 +34,7 @@ def pinocchios(chain: stp.ClosedChain, state: stp.State) -> np.ndarray:
 
 @pytest.mark.parametrize("name", [name for name in (*PLATFORMS, *TIED) if name not in IDLE])
 def test_regressor_is_pinocchios_for_the_motors(name: str, rng: np.random.Generator) -> None:
-    placed = place_platform(plan_platform(TIED[name]())) if name in TIED else platform(name)
+    placed = placed_platform(name)
     regressor = platform_regressor(placed)
     for pose, twist, acceleration, s in states(placed, rng, 2):
         found = np.array(regressor.call([pose, twist, acceleration])[0])
