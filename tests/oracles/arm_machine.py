@@ -71,6 +71,8 @@ class ArmMachine:
 
     def place(self, content: bytes, *, writable: bool, at_end: bool = True) -> int:
         """Put bytes into memory of their own, up to its end or from its beginning, and give their address."""
+        if not content:
+            return _ARRAYS  # where nothing is
         padding = bytes(-len(content) % PAGE)
         base = _ARRAYS + PAGE + sum(size + PAGE for size in self._placed.values())  # nothing between
         protection = unicorn.UC_PROT_READ | (unicorn.UC_PROT_WRITE if writable else 0)
@@ -80,7 +82,7 @@ class ArmMachine:
 
     def read(self, address: int, size: int) -> bytes:
         """Read memory."""
-        return bytes(self._machine.mem_read(address, size))
+        return bytes(self._machine.mem_read(address, size)) if size else b""
 
     def clear(self) -> None:
         """Take away all that was placed."""
