@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from stewart_pin.model.description import Mechanism
+from stewart_pin.model.formats.mjcf.reading import read_mjcf
+
 BALL = '<inertial pos="0.02 -0.01 0.03" mass="1.3" diaginertia="0.02 0.03 0.04"/>'
 """An inertia that belongs to no shape."""
 ARM = f'<body name="arm"><joint name="motor" axis="0 1 0"/>{BALL}%s</body>'
@@ -21,6 +24,36 @@ def write(folder: Path, text: str, name: str = "small.xml") -> Path:
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def body(name: str, inside: str = "", **attributes: str) -> str:
+    listed = "".join(f' {key}="{value}"' for key, value in attributes.items())
+    return f'<body name="{name}"{listed}>{BALL}{inside}</body>'
+
+
+def hinge(name: str, **attributes: str) -> str:
+    listed = "".join(f' {key}="{value}"' for key, value in attributes.items())
+    return f'<joint name="{name}"{listed}/>'
+
+
+HAND = body("hand", hinge("wrist") + '<site name="palm" pos="0.1 0 0"/>', pos="0.5 0 0")
+BOTH = ARM % HAND
+
+
+def read(folder: Path, *sections: str) -> Mechanism:
+    return read_mjcf(write(folder, mjcf(*sections)))
+
+
+def equality(*elements: str) -> str:
+    return f"<equality>{''.join(elements)}</equality>"
+
+
+def actuator(*elements: str) -> str:
+    return f"<actuator>{''.join(elements)}</actuator>"
+
+
+def notes(mechanism: Mechanism) -> str:
+    return "\n".join(f"{note.outcome} {note.subject} {note.text}" for note in mechanism.notes)
 
 
 WORKSHOP = """

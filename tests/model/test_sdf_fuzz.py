@@ -8,7 +8,7 @@ import pytest
 from lxml import etree
 
 from tests.model.mutations import assert_loads_or_says_why, damaged, hypothesis, quick
-from tests.model.test_sdf import CLOSINGS, FOUR_BAR
+from tests.model.sdf_reading import CLOSINGS, FOUR_BAR
 from tests.small_sdf import TREES, axis2, joint, link, sdf
 
 GEARS = (

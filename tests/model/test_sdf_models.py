@@ -10,7 +10,7 @@ import pytest
 from stewart_pin.errors import FileFormatError, FileMissingError, UnsupportedError
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.formats.sdf import read_sdf
-from tests.model.test_sdf import position
+from tests.model.sdf_reading import position
 from tests.small_sdf import BODY, joint, link, sdf, write
 
 ARM = (link("a", "0 0 1 0 0 0"), joint("j", "world", "a"))
