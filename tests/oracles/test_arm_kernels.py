@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -191,24 +192,25 @@ def test_bad_states(dtype: type, target: Target, calls: list[Call], rng: np.rand
 
 @pytest.mark.slow
 @pytest.mark.parametrize("coordinates", ["platform", "motor", "tree"])
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize(
+    "name", sorted(set(stp.robots()) - {"stewart_cad", "stewart_s1"})
+)  # like another one
 def test_every_verb_of_every_robot(
     name: str, coordinates: str, calls: list[Call], rng: np.random.Generator
 ) -> None:
-    try:
-        many = kernels(name, np.float64, coordinates)
-        pose, twist, acceleration = motions(many, rng, 3)
-        for verb in BY_MOTION:
-            if verb in many.names:
-                last = np.ones((3, many.chain.nu)) if verb.startswith("forward") else acceleration
+    if (name, coordinates) == ("arm_7r", "platform"):
+        pytest.skip("its platform does not determine it")
+    many = kernels(name, np.float64, coordinates)
+    pose, twist, acceleration = motions(many, rng, 3)
+    for verb in BY_MOTION:
+        if verb in many.names:
+            last = np.ones((3, many.chain.nu)) if verb.startswith("forward") else acceleration
+            with contextlib.suppress(UnsupportedError):  # derivatives and regressors of some
                 getattr(many, verb)(pose, twist, last)
-        if coordinates == "platform":
-            many.motor_jacobian(pose)
-            many.conditioning(pose)
-            many.forward_kinematics(many.inverse_kinematics(pose), pose[0])
-    except UnsupportedError as reason:
-        pytest.skip(str(reason))
-    assert {call.kernel.program.name for call in calls}
-    for target in (SYSTEMS["Linux"], SYSTEMS["macOS"]):
-        for call in {id(call.kernel): call for call in calls}.values():
-            agree(call.first(9), target)
+    if coordinates == "platform":
+        many.motor_jacobian(pose)
+        many.conditioning(pose)
+        many.forward_kinematics(many.inverse_kinematics(pose), pose[0])
+    assert {"inverse_dynamics", "forward_dynamics"} <= {call.kernel.program.name for call in calls}
+    for call in {id(call.kernel): call for call in calls}.values():
+        agree(call.first(9), SYSTEMS["Linux"])
