@@ -17,9 +17,9 @@ from stewart_pin.typing import FloatArray
 
 _ZERO = 1e-11
 """Entries below this, relative to their column before elimination, are round-off at every sample."""
-_TINY = 1e-4
-"""Columns below this, relative to the largest of all, are judged by it: where loops hold what no joint does, askew to
-the axes, whole columns are round-off."""
+_NOTHING = 1e-9
+"""So are those below this, relative to the largest of all: what ill-conditioned loops make of gaps of 1e-12, at which
+samples count as closed."""
 _SAFE = 0.1
 """Share of the largest entry of its column that a pivot must have at every sample, where some entry has."""
 
@@ -38,6 +38,8 @@ class Pivots:
         Entries that are zero before elimination though their expressions are not.
     dropped
         For each pivot, the entries that vanish by it in the other rows.
+    sizes
+        Each pivot's median over the samples, relative to the largest entry of the matrix.
     score
         Smallest pivot relative to the largest entry of its column, over all pivots and samples.
     rows
@@ -49,12 +51,19 @@ class Pivots:
     places: tuple[tuple[int, int], ...]
     vanishing: frozenset[tuple[int, int]]
     dropped: tuple[frozenset[tuple[int, int]], ...]
+    sizes: tuple[float, ...]
     score: float
     rows: tuple[int, ...]
     columns: tuple[int, ...]
 
 
-def plan_pivots(values: FloatArray, columns: list[int], *, last_rows: tuple[int, ...] = ()) -> Pivots:
+def plan_pivots(
+    values: FloatArray,
+    columns: list[int],
+    *,
+    last_rows: tuple[int, ...] = (),
+    nothing: float = _NOTHING,
+) -> Pivots:
     """Choose pivots.
 
     Parameters
@@ -65,6 +74,8 @@ def plan_pivots(values: FloatArray, columns: list[int], *, last_rows: tuple[int,
         Columns to eliminate.
     last_rows
         Rows to be used only where no other will do.
+    nothing
+        Size relative to the largest entry below which an entry is round-off; 0 where the system is known to be regular.
 
     Returns
     -------
@@ -72,11 +83,11 @@ def plan_pivots(values: FloatArray, columns: list[int], *, last_rows: tuple[int,
         Order of elimination; entries that vanish at all samples are taken for zero.
     """
     work = values.copy()
-    size = np.abs(values).max(axis=(0, 1), initial=0.0)
-    size = np.maximum(size, _TINY * size.max(initial=0.0))
-    vanishing = _dropped(work, size)
+    largest = np.abs(values).max(initial=0.0)
+    floor = np.maximum(_ZERO * np.abs(values).max(axis=(0, 1), initial=0.0), nothing * largest)
+    vanishing = _dropped(work, floor)
     rows, left = list(range(values.shape[1])), list(columns)
-    places, dropped, score = [], [], np.inf
+    places, dropped, sizes, score = [], [], [], np.inf
     while left and rows:
         occupied = np.abs(work).max(axis=0) > 0
         best, quality = _next_pivot(work, occupied, rows, left, set(last_rows))
@@ -87,17 +98,20 @@ def plan_pivots(values: FloatArray, columns: list[int], *, last_rows: tuple[int,
         rows.remove(i)
         left.remove(j)
         places.append(best)
+        sizes.append(float(np.median(np.abs(work[:, i, j])) / largest))
         for r in rows:
             if occupied[r, j]:
                 work[:, r] -= (work[:, r, j] / work[:, i, j])[:, None] * work[:, i]
                 work[:, r, j] = 0.0
-        dropped.append(_dropped(work, size))
-    return Pivots(tuple(places), vanishing, tuple(dropped), float(score), tuple(rows), tuple(left))
+        dropped.append(_dropped(work, floor))
+    return Pivots(
+        tuple(places), vanishing, tuple(dropped), tuple(sizes), float(score), tuple(rows), tuple(left)
+    )
 
 
-def _dropped(work: FloatArray, size: FloatArray) -> frozenset[tuple[int, int]]:
-    """Set entries that are round-off at every sample to zero, and say which."""
-    gone = np.abs(work).max(axis=0) <= _ZERO * size
+def _dropped(work: FloatArray, floor: FloatArray) -> frozenset[tuple[int, int]]:
+    """Set entries that are nothing at every sample to zero, and say which."""
+    gone = np.abs(work).max(axis=0) <= floor
     work[:, gone] = 0.0
     return frozenset((int(r), int(c)) for r, c in zip(*np.nonzero(gone), strict=True))
 
@@ -363,7 +377,7 @@ def eliminate_square(matrix: ca.SX, values: FloatArray, what: str) -> Eliminatio
         If the system is singular at the samples.
     """
     n = matrix.shape[0]
-    pivots = plan_pivots(values, list(range(n)))
+    pivots = plan_pivots(values, list(range(n)), nothing=0.0)
     if len(pivots.places) < n:
         raise UnsupportedError(f"{what} is not determined: {n - len(pivots.places)} freedom(s) are left over")
     return Elimination(matrix, pivots)

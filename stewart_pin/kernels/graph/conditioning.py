@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import numpy as np
@@ -16,6 +16,9 @@ from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_co
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.graph.whole_tree import motor_columns as tree_motor_columns
 from stewart_pin.typing import FloatArray
+
+_SMALL = 1e-3
+"""Pivots of ordinary robots are larger, relative to the largest entry of their matrix."""
 
 
 def platform_conditioning(
@@ -35,17 +38,18 @@ def platform_conditioning(
     Returns
     -------
     casadi.Function
-        ``pose -> conditioning``, (7, 1) to (1, 1): the smallest pivot, each relative to its median over samples. Near
-        one where the robot is as regular as around home, near zero at a singularity of a leg or of the platform.
+        ``pose -> conditioning``, (7, 1) to (1, 1): the smallest pivot, each relative to its median over samples, or to
+        a thousandth of the largest entry of its matrix if that is more. Near one where the robot is as regular as
+        around home, near zero at a singularity of a leg or of the platform.
     """
-    pivots = [pivot for leg in placed.legs for pivot in leg.reduced.pivot_expressions()]
+    reduced = [leg.reduced for leg in placed.legs]
     if motors:
         share = placed.project(motor_columns(placed))
-        pivots += _pivots_of(share, placed.values, placed.twist_scale)
+        reduced.append(_share_reduced(share, placed.values, placed.twist_scale))
     if reactions:
         share, before = holding_share(placed)
-        pivots += before + _pivots_of(share, placed.values, np.ones(share.shape[0]))
-    return shared("conditioning", {"pose": placed.pose}, {"conditioning": _smallest(pivots, placed.values)})
+        reduced += [before, _share_reduced(share, placed.values, np.ones(share.shape[0]))]
+    return shared("conditioning", {"pose": placed.pose}, {"conditioning": _smallest(reduced, placed.values)})
 
 
 def tree_conditioning(
@@ -67,27 +71,29 @@ def tree_conditioning(
     casadi.Function
         ``q -> conditioning``, (nq, 1) to (1, 1), as `platform_conditioning`.
     """
-    pivots = closed.reduced.pivot_expressions()
-    if driven is not None:
-        pivots += driven.reduced.pivot_expressions()
+    reduced = [closed.reduced] if driven is None else [closed.reduced, driven.reduced]
     if motors:
         share = closed.motions.T @ tree_motor_columns(closed.tree)
-        pivots += _pivots_of(share, closed.values, closed.motion_scale)
-    return shared("conditioning", {"q": closed.q}, {"conditioning": _smallest(pivots, closed.values)})
+        reduced.append(_share_reduced(share, closed.values, closed.motion_scale))
+    return shared("conditioning", {"q": closed.q}, {"conditioning": _smallest(reduced, closed.values)})
 
 
-def _pivots_of(share: ca.SX, values: Callable[[ca.SX], FloatArray], scale: FloatArray) -> list[ca.SX]:
-    """Pivots of the motors' share, or of its square where motors are redundant."""
+def _share_reduced(share: ca.SX, values: Callable[[ca.SX], FloatArray], scale: FloatArray) -> Elimination:
+    """Eliminate the motors' share, or its square where motors are redundant."""
     if share.shape[0] < share.shape[1]:
         share = share @ share.T
         sampled = values(share) * scale[:, None] * scale
     else:
         sampled = values(share) * scale[:, None]
-    return Elimination(share, plan_pivots(sampled, list(range(share.shape[1])))).pivot_expressions()
+    return Elimination(share, plan_pivots(sampled, list(range(share.shape[1])), nothing=0.0))
 
 
-def _smallest(pivots: list[ca.SX], values: Callable[[ca.SX], FloatArray]) -> ca.SX:
+def _smallest(reduced: Sequence[Elimination], values: Callable[[ca.SX], FloatArray]) -> ca.SX:
+    pivots = [pivot for one in reduced for pivot in one.pivot_expressions()]
+    sizes = [size for one in reduced for size in one.pivots.sizes]
     usual = np.median(np.abs(values(ca.vertcat(*pivots))), axis=0).ravel()
+    # A pivot that is small around home already has lost digits there.
+    usual = usual / np.minimum(1.0, np.array(sizes) / _SMALL)
     ratios = [
         ca.fabs(pivot) / float(size)
         for pivot, size in zip(pivots, usual, strict=True)

@@ -165,7 +165,7 @@ def _tied(placed: PlacedPlatform, ties: _Ties, reactions: ca.SX, missing: ca.SX)
 
 def _held_by(
     placed: PlacedPlatform, ties: _Ties, missing: ca.SX
-) -> tuple[list[int], ca.SX, ca.SX, list[ca.SX]]:
+) -> tuple[list[int], ca.SX, ca.SX, Elimination]:
     """Say which ties have loop rows, ``share @ sizes = right`` for these, and what the others were divided by.
 
     What holds the platform without loop rows, the joint that leads to it, takes all it can.
@@ -178,10 +178,10 @@ def _held_by(
     pivots = plan_pivots(placed.values(share[:, free]), list(range(len(free))))
     first = Elimination(share[:, free], pivots)
     left = first.forward(ca.horzcat(share[:, rest], right))[list(pivots.rows), :]
-    return rest, left[:, : len(rest)], left[:, len(rest) :], first.pivot_expressions()
+    return rest, left[:, : len(rest)], left[:, len(rest) :], first
 
 
-def holding_share(placed: PlacedPlatform) -> tuple[ca.SX, list[ca.SX]]:
+def holding_share(placed: PlacedPlatform) -> tuple[ca.SX, Elimination]:
     """Tell how forces that the motors do not determine hold the platform; reactions are lost where they do not.
 
     Parameters
@@ -193,13 +193,13 @@ def holding_share(placed: PlacedPlatform) -> tuple[ca.SX, list[ca.SX]]:
     -------
     share : casadi.SX
         (m, n) what n of them give in the m directions in which they have to hold it; it must keep its rank.
-    pivots : list of casadi.SX
+    before : Elimination
         What has been divided by before.
     """
     still = ca.SX.zeros(6)
     ties = _ties(placed, platform_motion(placed.plan.tree, placed.pose, still, still))
-    _, share, _, pivots = _held_by(placed, ties, ca.SX(6, 0))
-    return share, pivots
+    _, share, _, before = _held_by(placed, ties, ca.SX(6, 0))
+    return share, before
 
 
 def _least(placed: PlacedPlatform, norm: ca.SX, reactions: ca.SX, share: ca.SX, right: ca.SX) -> ca.SX:
