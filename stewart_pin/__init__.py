@@ -91,6 +91,7 @@ from stewart_pin.kernels.compile_function import compile_function as compile_fun
 from stewart_pin.kernels.kernels import Kernels as Kernels
 from stewart_pin.kernels.repeating import Repeat as Repeat
 from stewart_pin.kernels.report import KernelReport as KernelReport
+from stewart_pin.kernels.report import PlanBlock as PlanBlock
 from stewart_pin.kernels.single_state import SingleState as SingleState
 from stewart_pin.kernels.status import StateBound as StateBound
 from stewart_pin.kernels.status import StateStatus as StateStatus

@@ -7,7 +7,7 @@ from typing import Any
 from numpy.typing import DTypeLike
 
 from stewart_pin.kernels.array_kernel import Engine
-from stewart_pin.kernels.report import KernelReport, count_operations
+from stewart_pin.kernels.report import KernelReport, count_operations, plan_blocks
 from stewart_pin.kernels.verbs.derivatives import DerivativeVerbs
 from stewart_pin.kernels.verbs.dynamics import DynamicsVerbs
 from stewart_pin.kernels.verbs.kinematics import KinematicsVerbs
@@ -75,6 +75,7 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs):
             why_tree=functions.why_whole_tree,
             freedoms=functions.freedoms,
             pivot_score=functions.pivot_score,
+            blocks=plan_blocks(functions),
             operations={name: count_operations(function) for name, function in self._written.items()},
         )
 

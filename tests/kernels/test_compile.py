@@ -270,6 +270,25 @@ def test_report_and_functions() -> None:
     assert "twists that change with the pose" in str(kernels("four_bar").report)
 
 
+def test_the_plan_is_reported() -> None:
+    legs = kernels("stewart").report.blocks
+    assert [block.name for block in legs] == [f"leg of leg{k}_x" for k in range(1, 7)]
+    for k, block in enumerate(legs, 1):
+        assert block.joints == "RRP-S"
+        assert {row for row, _ in block.pivots} == {f"leg{k}_x", f"leg{k}_y", f"leg{k}"}
+        assert {equation for _, equation in block.pivots} == {f"leg{k}_ball {axis}" for axis in "xyz"}
+    assert "leg of leg1_x RRP-S: 3 pivots" in str(kernels("stewart").report)
+    whole = kernels("four_bar", "motor")
+    loops, drive = whole.report.blocks
+    assert (loops.name, drive.name) == ("loops", "loops and drive")
+    # Of five rows of the one loop two do something in the plane, and the motor's is beside them.
+    assert len(loops.pivots) == 2
+    assert {equation for _, equation in drive.pivots} - {e for _, e in loops.pivots} == {
+        whole.chain.motors[0]
+    }
+    assert compile_kernels(robot("arm_7r"), coordinates="tree").report.blocks == ()
+
+
 def test_a_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [n for n in sys.modules if n.startswith("stewart_pin.kernels.") and "compile" not in n]:
         monkeypatch.delitem(sys.modules, name)
