@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 from functools import lru_cache
+
+import numpy as np
 
 from stewart_pin.errors import (
     ActuationError,
@@ -11,15 +14,16 @@ from stewart_pin.errors import (
     SingularityError,
     UnsupportedError,
 )
-from stewart_pin.kernels.array_kernel import ArrayKernel
 from stewart_pin.kernels.compile import compile_kernels
-from stewart_pin.kernels.compile_function import compile_function
+from stewart_pin.kernels.instructions import program_from_casadi
 from stewart_pin.kernels.kernels import Kernels
+from stewart_pin.kernels.preparing import prepare
+from stewart_pin.kernels.program import Program
 from stewart_pin.kernels.single_state import SingleState
 from stewart_pin.model.chain import ClosedChain
 
-MANY_CALLS = 200_000
-"""Calls of one state below which compiling, some seconds, takes longer than it saves, ten microseconds a call."""
+MANY_CALLS = 50_000
+"""Calls of one state below which compiling, half a second, takes longer than it saves, ten microseconds a call."""
 HANDFUL = 300
 """States below which the verbs of one state, at a few milliseconds each, are through before kernels are compiled."""
 
@@ -79,7 +83,7 @@ def acceleration_kernel(chain: ClosedChain, calls: int, wanted: bool | None = No
     Returns
     -------
     SingleState or None
-        Function of (q, v, tau_motor) to (a, lambda_c), for one thread.
+        Function of (q, v, tau_motor) to (a, lambda_c), for the thread that asks; its results last until the next call.
 
     Raises
     ------
@@ -94,7 +98,7 @@ def acceleration_kernel(chain: ClosedChain, calls: int, wanted: bool | None = No
     if wanted is False or (wanted is None and calls < MANY_CALLS):
         return None
     try:
-        return _compiled_tree(chain).single_state()
+        return _compiled_tree(chain, threading.get_ident())
     except (MissingExtraError, UnsupportedError, ActuationError, SingularityError):
         if wanted:
             raise
@@ -119,8 +123,15 @@ def require_choice(wanted: bool | None) -> None:
 
 
 @lru_cache(maxsize=8)
-def _compiled_tree(chain: ClosedChain) -> ArrayKernel:
-    return compile_function(compile_kernels(chain, coordinates="tree").casadi("tree_forward_dynamics"))
+def _compiled_tree(chain: ClosedChain, thread: int) -> SingleState:
+    # Its arguments have fixed places: one for each thread. An interpreter would be slower than Pinocchio.
+    return SingleState(_tree_program(chain), (), np.dtype(np.float64), "llvm")
+
+
+@lru_cache(maxsize=8)
+def _tree_program(chain: ClosedChain) -> Program:
+    kernels = compile_kernels(chain, coordinates="tree")
+    return prepare(program_from_casadi(kernels.casadi("tree_forward_dynamics")))
 
 
 @lru_cache(maxsize=8)
