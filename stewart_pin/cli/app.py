@@ -11,6 +11,7 @@ from stewart_pin.cli.modes import modes
 from stewart_pin.cli.shake import shake
 from stewart_pin.cli.simulate import simulate
 from stewart_pin.cli.singularity import singularity
+from stewart_pin.cli.sweep import sweep
 
 app = typer.Typer(
     name="stewart_pin",
@@ -20,5 +21,5 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (compare, inspect, modes, capability, singularity, simulate, shake):
+for command in (compare, inspect, modes, capability, singularity, simulate, shake, sweep):
     app.command()(command)

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.building.hexapod_bodies import hexapod_bodies
-from stewart_pin.errors import UnsupportedError
+from stewart_pin.errors import ClosureError, UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
@@ -18,7 +19,7 @@ from stewart_pin.geometry.leg_motion import leg_rates
 from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.kernels.compile import Kernels
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
-from stewart_pin.mechanics.kinematics import State, platform_motion, platform_pose
+from stewart_pin.mechanics.kinematics import State, inverse_kinematics, platform_motion, platform_pose
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
 from stewart_pin.motion.trajectories import PlatformSamples
@@ -183,6 +184,11 @@ def demand_by_formula(
     if closed_form is not None:
         return _by_closed_form(chain, *closed_form, samples)
     if suspect is not None:
+        # Rounded, since sinusoids of other frequencies come to the same place but for the last bit.
+        place = (np.round(samples.position[suspect], 12), np.round(samples.rotation[suspect], 12))
+        out_of_reach = _reach(chain, *(values.tobytes() for values in place))
+        if out_of_reach is not None:
+            raise out_of_reach.with_traceback(None)
         _one_state(chain, samples, suspect, chain.q_home)
     return _state_by_state(chain, samples)
 
@@ -211,6 +217,17 @@ def _by_closed_form(
         rates=leg_rates(hexapod, *place, samples.twist),
         efforts=forces.actuator,
     )
+
+
+@lru_cache(maxsize=256)
+def _reach(chain: ClosedChain, position: bytes, rotation: bytes) -> ClosureError | None:
+    """Find out why a pose cannot be reached, which takes a tenth of a second; motions of one amplitude share theirs."""
+    pose = pin.SE3(np.frombuffer(rotation).reshape(3, 3), np.frombuffer(position))
+    try:
+        inverse_kinematics(chain, pose, limits=False)
+    except ClosureError as error:
+        return error
+    return None
 
 
 def _state_by_state(chain: ClosedChain, samples: PlatformSamples) -> MotorDemand:

@@ -149,21 +149,35 @@ def test_what_is_out_of_reach_is_named(kernels: bool) -> None:
 
 
 def test_the_state_that_fails_is_looked_at_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A motion of many states is not followed up to the one that cannot be reached."""
-    tried: list[int] = []
-    plain = motor_demand_module._one_state
+    """A motion of many states is not followed up to the one without answer; and poses are looked at once."""
+    tried: list[object] = []
 
-    def noting(chain, samples, k, q_guess):
-        tried.append(k)
-        return plain(chain, samples, k, q_guess)
+    def noting(verb):
+        def noted(chain, pose, *arguments, **options):
+            tried.append(pose.translation)
+            return verb(chain, pose, *arguments, **options)
 
-    monkeypatch.setattr(motor_demand_module, "_one_state", noting)
-    chain = robot("delta")
-    found = stp.sweep_demand(
-        chain, functools.partial(shake, chain, frequency=1.0), {"amplitude": [1.0]}, kernels=True
-    )
-    assert len(found.failures) == 1
-    assert len(tried) == 1 and 0 < tried[0] < 10
+        return noted
+
+    for verb in ("platform_motion", "inverse_kinematics"):
+        monkeypatch.setattr(motor_demand_module, verb, noting(getattr(motor_demand_module, verb)))
+    chain = stp.load("delta")
+    axes = {"amplitude": [1.0], "frequency": [1.0, 2.0, 3.0]}
+    found = stp.sweep_demand(chain, functools.partial(shake, chain), axes, kernels=True)
+    assert {failed.error for failed in found.failures} == {"ClosureError"} and len(found.failures) == 3
+    assert len(tried) == 1 and tried[0][0] > 0.1 * chain.length_scale
+    # Where the pose can be reached, the error is of the rest of the state.
+    planar = robot("rpr_planar")
+    home = stp.platform_pose(planar, planar.q_home)
+
+    def leave_the_plane(speed: float) -> stp.PlatformSamples:
+        twist, still = np.tile([0, 0, speed, 0, 0, 0], (3, 1)), np.zeros((3, 6))
+        place = np.tile(home.translation, (3, 1)), np.tile(home.rotation, (3, 1, 1))
+        return stp.PlatformSamples(np.arange(3.0), *place, twist, still)
+
+    found = stp.sweep_demand(planar, leave_the_plane, {"speed": [0.0, 1.0]}, kernels=True)
+    (failed,) = found.failures
+    assert failed.index == (1,) and failed.error == "ClosureError" and "cannot follow this" in failed.message
 
 
 def test_designs_may_stand_side_by_side() -> None:
