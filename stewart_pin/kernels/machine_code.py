@@ -8,6 +8,7 @@ import weakref
 from typing import Any
 
 from stewart_pin.errors import UnsupportedError
+from stewart_pin.kernels.llvm_session import inside_llvm
 from stewart_pin.kernels.target import Target, load_llvm
 
 
@@ -62,7 +63,7 @@ def assembly(text: str, target: Target) -> str:
     str
         Assembly.
     """
-    with contextlib.ExitStack() as opened:
+    with inside_llvm() as opened:
         module, machine = _read(text, target, opened, anywhere=True)
         return machine.emit_assembly(module)
 
@@ -82,15 +83,13 @@ def object_file(text: str, target: Target) -> bytes:
     bytes
         Object file in the format of the target's system, with the code that would run there.
     """
-    with contextlib.ExitStack() as opened:
+    with inside_llvm() as opened:
         module, machine = _read(text, target, opened, anywhere=True)
         return machine.emit_object(module)
 
 
 def _compiled(text: str, target: Target, prototype: Any) -> Any:
-    # Opened one after the other and closed the other way round, whatever happens: left to a collection of cycles, the
-    # order would be any, and llvmlite crashes where a context goes before its engine or module.
-    with contextlib.ExitStack() as opened:
+    with inside_llvm() as opened:
         module, machine = _read(text, target, opened)
         engine = opened.enter_context(load_llvm().create_mcjit_compiler(module, machine))
         _require_symbols(module)

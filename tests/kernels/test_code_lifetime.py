@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import subprocess
 import sys
 import weakref
@@ -77,3 +78,54 @@ define void @run() {
 }"""
     with pytest.raises(UnsupportedError, match="has no 'not_in_any_library'; take engine='numpy'"):
         compile_for_one(text, TARGETS["host"])
+
+
+def test_the_interpreter_waits_for_a_daemon_thread_inside_llvm() -> None:
+    script = """
+import os, threading, time
+from stewart_pin.kernels.llvm_session import inside_llvm
+inside = threading.Event()
+def work():
+    with inside_llvm():
+        inside.set()
+        time.sleep(0.3)
+        os.write(1, b"left ")
+    with inside_llvm():
+        os.write(1, b"entered again")
+threading.Thread(target=work, daemon=True).start()
+inside.wait()
+"""
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stdout) == (0, "left "), run.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="looks on while glibc ends the process")
+def test_a_process_ends_well_while_a_daemon_thread_compiles() -> None:
+    """LLVM's tables are freed, and filled with rubbish, a second before the process is gone."""
+    script = """
+import ctypes, threading
+libc = ctypes.CDLL(None)
+libc["__cxa_atexit"](libc.usleep, ctypes.c_void_p(1_000_000), None)
+from stewart_pin.kernels.machine_code import compile_for_one
+from stewart_pin.kernels.target import host_target, load_llvm
+lines = "".join(f"  %x{k + 1} = fadd double %x{k}, {k}.0\\n" for k in range(100))
+one = "define void @{}() {{\\n  %x0 = load double, ptr null\\n" + lines
+one += "  store double %x100, ptr null\\n  ret void\\n}}\\n"
+text = "".join(one.format(name) for name in ("run", *(f"f{k}" for k in range(500))))
+begun, engine = threading.Event(), load_llvm().ExecutionEngine
+plain = engine.finalize_object
+engine.finalize_object = lambda self: (begun.set(), plain(self))
+def work():
+    while True:
+        compile_for_one(text, target)
+target = host_target()
+threading.Thread(target=work, daemon=True).start()
+begun.wait()
+"""
+    environment = {**os.environ, "MALLOC_PERTURB_": "85"}
+    for _ in range(5):  # half of them used to end in an abort
+        run = subprocess.run(
+            [sys.executable, "-c", script], capture_output=True, text=True, check=False, env=environment
+        )
+        assert run.returncode == 0, run.stderr

@@ -26,6 +26,8 @@ from tests.oracles.arm_kernels import SYSTEMS, ArmKernel, same
 each_system = pytest.mark.parametrize("target", SYSTEMS.values(), ids=SYSTEMS)
 each_type = pytest.mark.parametrize("dtype", [np.float64, np.float32])
 NAMES = ("stewart", "hexapod_rss")
+UNLIKE = sorted(set(stp.robots()) - {"stewart_cad", "stewart_s1"})
+"""Robots, but for those whose legs are those of another one."""
 BY_MOTION = (
     "inverse_dynamics",
     "forward_dynamics",
@@ -192,9 +194,7 @@ def test_bad_states(dtype: type, target: Target, calls: list[Call], rng: np.rand
 
 @pytest.mark.slow
 @pytest.mark.parametrize("coordinates", ["platform", "motor", "tree"])
-@pytest.mark.parametrize(
-    "name", sorted(set(stp.robots()) - {"stewart_cad", "stewart_s1"})
-)  # like another one
+@pytest.mark.parametrize("name", UNLIKE)
 def test_every_verb_of_every_robot(
     name: str, coordinates: str, calls: list[Call], rng: np.random.Generator
 ) -> None:
