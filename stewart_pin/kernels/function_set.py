@@ -20,6 +20,7 @@ from stewart_pin.kernels.graph import (
     driven_tree,
     leg_reactions,
     platform_dynamics,
+    platform_frame,
     platform_kinematics,
     state_functions,
     whole_tree,
@@ -58,7 +59,7 @@ _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
 _TREE: dict[str, Callable[[ClosedTree], ca.Function]] = {
     "tree_inverse_dynamics": state_functions.inverse_dynamics_function,
     "tree_forward_dynamics": state_functions.forward_dynamics_function,
-    "platform_pose": driven_tree.platform_pose_function,
+    "platform_pose": platform_frame.platform_pose_function,
 }
 _STATE: dict[str, Callable[[ClosedTree], ca.Function]] = {
     "inverse_dynamics": state_functions.judged_inverse_dynamics,

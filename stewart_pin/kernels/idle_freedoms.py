@@ -33,7 +33,7 @@ def require_idle_without_effect(chain: ClosedChain, q: Configuration) -> None:
     Raises
     ------
     UnsupportedError
-        If efforts differ.
+        If efforts differ, or the idle freedoms cannot be moved.
     """
     freedom = analyse_freedom(chain, q)
     if not freedom.idle.shape[1] or freedom.lost.shape[1]:
@@ -53,18 +53,7 @@ def require_idle_without_effect(chain: ClosedChain, q: Configuration) -> None:
         state = platform_motion(chain, pose, twist, acceleration, q_guess=guess, limits=False)
         return pinocchio_inverse_dynamics(chain, state.q, state.v, state.a).tau_motor
 
-    efforts = [efforts_at(q)]
-    for turn in _TURNS:
-        try:
-            efforts.append(efforts_at(close_loops(chain, pin.integrate(chain.model, q, turn * direction)).q))
-            break
-        except ClosureError:
-            continue
-    if len(efforts) < 2:
-        raise UnsupportedError(
-            f"the idle freedoms of {chain.name} cannot be moved by {_TURNS[-1]} with the platform at rest, so it is "
-            "not known whether they matter; use coordinates='tree'"
-        )
+    efforts = [efforts_at(q), efforts_at(idle_moved(chain, q, direction))]
     if np.abs(efforts[0] - efforts[1]).max() > _SAME * np.abs(efforts[0]).max():
         names = [
             n for n, x in zip(chain.tangent_names, np.abs(freedom.idle).max(axis=1), strict=True) if x > 1e-6
@@ -73,3 +62,39 @@ def require_idle_without_effect(chain: ClosedChain, q: Configuration) -> None:
             f"where idle freedoms of {chain.name} stand ({', '.join(names[:3])}, ...) changes the motor efforts, and "
             "neither platform nor motors determine it; use coordinates='tree'"
         )
+
+
+def idle_moved(chain: ClosedChain, q: Configuration, direction: FloatArray) -> Configuration:
+    """Put idle freedoms elsewhere while the platform rests.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    direction
+        (nv,) an idle motion, of about one robot size or radian [m, rad].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nq,) configuration with closed loops and the same pose, as far along that motion as loops let it go at once
+        [m, rad, unit quaternions].
+
+    Raises
+    ------
+    UnsupportedError
+        If it cannot be moved.
+    """
+    pose, rest = platform_pose(chain, q), np.zeros(6)
+    for turn in _TURNS:
+        try:
+            guess = close_loops(chain, pin.integrate(chain.model, q, turn * direction)).q
+            return platform_motion(chain, pose, rest, rest, q_guess=guess, limits=False).q
+        except ClosureError:
+            continue
+    raise UnsupportedError(
+        f"the idle freedoms of {chain.name} cannot be moved by {_TURNS[-1]} with the platform at rest, so it is not "
+        "known whether they matter; use coordinates='tree'"
+    )

@@ -15,8 +15,8 @@ from stewart_pin.kernels.graph.driven_tree import (
     drive_tree,
     driven_forward_dynamics,
     driven_inverse_dynamics,
-    platform_columns,
 )
+from stewart_pin.kernels.graph.platform_frame import platform_columns
 from stewart_pin.kernels.graph.whole_tree import close_tree
 from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from tests.closed_states import close, random_configuration

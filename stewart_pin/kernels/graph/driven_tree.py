@@ -17,10 +17,9 @@ from stewart_pin.closure.equations import row_sizes
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.elimination import Elimination, plan_pivots, solve_symmetric
 from stewart_pin.kernels.graph.functions import shared
-from stewart_pin.kernels.graph.joint_efforts import efforts_of_wrenches, moments_of
-from stewart_pin.kernels.graph.joint_motion import at_rest, motions
 from stewart_pin.kernels.graph.loop_gaps import loop_gaps, opposed_axes
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations
+from stewart_pin.kernels.graph.platform_frame import platform_bias, platform_columns, platform_placement
 from stewart_pin.kernels.graph.quaternions import turned_by_small
 from stewart_pin.kernels.graph.whole_tree import (
     ClosedTree,
@@ -29,7 +28,7 @@ from stewart_pin.kernels.graph.whole_tree import (
     tree_forward_dynamics,
     tree_inverse_dynamics,
 )
-from stewart_pin.kernels.spatial import constant, rotation_constant, turn_from_quaternion
+from stewart_pin.kernels.spatial import constant, turn_from_quaternion
 from stewart_pin.kernels.tree import Tree
 from stewart_pin.model.description import JointKind
 
@@ -109,36 +108,6 @@ def drive_tree(closed: ClosedTree, coordinates: Coordinates) -> DrivenTree:
 
 def _motor_sizes(closed: ClosedTree) -> np.ndarray:
     return closed.chain.tangent_scale[list(closed.tree.motors)]
-
-
-def platform_columns(closed: ClosedTree) -> ca.SX:
-    """Build the transpose of the platform's Jacobian.
-
-    Parameters
-    ----------
-    closed
-        The chain.
-
-    Returns
-    -------
-    casadi.SX
-        (nv, 6): unit forces and unit moments at the platform frame's origin along world axes, as joint efforts.
-    """
-    tree, at = closed.tree, closed.at
-    back = at.to_world[tree.platform].T
-    arm = constant(tree.platform_translation)
-    force = ca.horzcat(back, ca.SX(3, 3))
-    moment = ca.horzcat(moments_of(arm, back), back)
-    return efforts_of_wrenches(tree.joints, at, {tree.platform: (force, moment)}, 6)
-
-
-def _platform_bias(closed: ClosedTree, v: ca.SX) -> ca.SX:
-    """Acceleration of the platform frame without joint acceleration, in world axes: (6, 1)."""
-    tree, at = closed.tree, closed.at
-    drifting = motions(tree.joints, at, v, ca.SX.zeros(tree.nv), at_rest(ca.SX.zeros(3)))
-    k, to_world = tree.platform, at.to_world[tree.platform]
-    linear = drifting.acceleration[k] + drifting.turning[k] @ constant(tree.platform_translation)
-    return ca.vertcat(to_world @ linear, to_world @ drifting.omega_rate[k])
 
 
 def _follow(driven: DrivenTree, demand: ca.SX) -> ca.SX:
@@ -223,6 +192,28 @@ def _inverse(driven: DrivenTree) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX]
     return inputs, tau_motor, lambda_c, infeasible
 
 
+def driven_velocity(driven: DrivenTree) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Express the velocity of the whole tree by that of what drives it.
+
+    Parameters
+    ----------
+    driven
+        The chain.
+
+    Returns
+    -------
+    velocity
+        (6 or nu, 1) symbols.
+    v : casadi.SX
+        (nv, 1).
+    infeasible : casadi.SX
+        (1, 1) part of the demand that the chain cannot do.
+    """
+    velocity = ca.SX.sym("velocity", driven.drive.shape[1])
+    v = _follow(driven, ca.vertcat(ca.SX.zeros(driven.closed.tree.nc), velocity))
+    return velocity, v, _infeasible(driven, v, velocity)
+
+
 def driven_motion(driven: DrivenTree) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX]:
     """Express the motion of the whole tree by that of what drives it.
 
@@ -240,13 +231,13 @@ def driven_motion(driven: DrivenTree) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, c
     infeasible : casadi.SX
         (1, 1) part of the demand that the chain cannot do.
     """
-    closed, nc, size = driven.closed, driven.closed.tree.nc, driven.drive.shape[1]
-    velocity, acceleration = ca.SX.sym("velocity", size), ca.SX.sym("acceleration", size)
-    v = _follow(driven, ca.vertcat(ca.SX.zeros(nc), velocity))
-    bias = _platform_bias(closed, v) if driven.coordinates == "platform" else ca.SX.zeros(size)
+    closed, size = driven.closed, driven.drive.shape[1]
+    velocity, v, lost = driven_velocity(driven)
+    acceleration = ca.SX.sym("acceleration", size)
+    bias = platform_bias(closed, v) if driven.coordinates == "platform" else ca.SX.zeros(size)
     demand = acceleration - bias
     a = _follow(driven, ca.vertcat(-tree_bias(closed, v), demand))
-    infeasible = ca.fmax(_infeasible(driven, v, velocity), _infeasible(driven, a, demand))
+    infeasible = ca.fmax(lost, _infeasible(driven, a, demand))
     return {"q": closed.q, "velocity": velocity, "acceleration": acceleration}, v, a, infeasible
 
 
@@ -264,17 +255,16 @@ def driven_forward_dynamics(driven: DrivenTree) -> ca.Function:
         ``(q, velocity, tau_motor) -> (acceleration, infeasible)``, velocity and acceleration of what drives.
     """
     closed, tree = driven.closed, driven.closed.tree
-    velocity = ca.SX.sym("velocity", driven.drive.shape[1])
+    velocity, v, infeasible = driven_velocity(driven)
     tau_motor = ca.SX.sym("tau_motor", len(tree.motors))
-    v = _follow(driven, ca.vertcat(ca.SX.zeros(tree.nc), velocity))
     a, _ = tree_forward_dynamics(closed, v, tau_motor)
     acceleration = driven.drive.T @ a
     if driven.coordinates == "platform":
-        acceleration = acceleration + _platform_bias(closed, v)
+        acceleration = acceleration + platform_bias(closed, v)
     return shared(
         "forward_dynamics",
         {"q": closed.q, "velocity": velocity, "tau_motor": tau_motor},
-        {"acceleration": acceleration, "infeasible": _infeasible(driven, v, velocity)},
+        {"acceleration": acceleration, "infeasible": infeasible},
     )
 
 
@@ -332,33 +322,9 @@ def closing_equations(driven: DrivenTree) -> NewtonEquations:
     )
 
 
-def platform_pose_function(closed: ClosedTree) -> ca.Function:
-    """Write the pose of the platform frame.
-
-    Parameters
-    ----------
-    closed
-        The chain.
-
-    Returns
-    -------
-    casadi.Function
-        ``q -> (position, rotation)``, (nq, 1) to (3, 1) [m] and (3, 3).
-    """
-    position, rotation = _pose(closed)
-    return shared("platform_pose", {"q": closed.q}, {"position": position, "rotation": rotation})
-
-
-def _pose(closed: ClosedTree) -> tuple[ca.SX, ca.SX]:
-    tree, at = closed.tree, closed.at
-    to_world = at.to_world[tree.platform]
-    position = at.in_world[tree.platform] + to_world @ constant(tree.platform_translation)
-    return position, to_world @ rotation_constant(tree.platform_rotation)
-
-
 def _pose_error(closed: ClosedTree, target: ca.SX) -> ca.SX:
     """Position error, and rotation vector of the error in world axes, to the second order."""
-    position, rotation = _pose(closed)
+    position, rotation = platform_placement(closed)
     turn = rotation @ turn_from_quaternion(target[3:]).T
     half = ca.vertcat(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]) / 2
     # The sine of the angle alone would leave half a turn unseen: 2 sin(angle / 2) along the same axis.

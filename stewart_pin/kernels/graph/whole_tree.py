@@ -138,7 +138,7 @@ def tree_inverse_dynamics(closed: ClosedTree, v: ca.SX, a: ca.SX) -> tuple[ca.SX
     falling = at_rest(constant(tree.gravity))
     demanded = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
     tau_motor, needed = motor_efforts(
-        closed, demanded, lambda idle, scale: _let_idle_go(closed, demanded, idle, scale)
+        closed, demanded, lambda idle, scale: let_idle_go(closed, demanded, idle, scale)
     )
     return tau_motor, _reactions(closed, needed - motor_columns(tree) @ tau_motor)
 
@@ -278,18 +278,56 @@ def motor_columns(tree: Tree) -> ca.SX:
     return columns
 
 
-def _let_idle_go(closed: ClosedTree, needed: ca.SX, idle: ca.SX, scale: FloatArray) -> ca.SX:
-    """Tree efforts with the idle freedoms' accelerations replaced by what their own inertia makes them do."""
-    moved = inertia_times(closed, idle)
-    inertia = idle.T @ moved
+def idle_accelerations(closed: ClosedTree, needed: ca.SX, idle: ca.SX, scale: FloatArray) -> ca.SX:
+    """Find the accelerations with which idle freedoms obey their own inertia.
+
+    Parameters
+    ----------
+    closed
+        Chain at its configuration.
+    needed
+        (nv, k) joint efforts that the demanded motion needs.
+    idle
+        (nv, n) idle motions.
+    scale
+        (n,) their natural sizes [m or rad].
+
+    Returns
+    -------
+    casadi.SX
+        (n, k) what is to be added to the demand along the idle motions; at rest where these have no inertia.
+    """
+    inertia = idle.T @ inertia_times(closed, idle)
     values = closed.values(inertia) * scale[:, None] * scale
     steps, _, _ = solve_symmetric(inertia, -(idle.T @ needed), values)
-    return needed + moved @ ca.vertcat(*steps)
+    return ca.vertcat(*steps)
+
+
+def let_idle_go(closed: ClosedTree, needed: ca.SX, idle: ca.SX, scale: FloatArray) -> ca.SX:
+    """Replace the idle freedoms' accelerations by what their own inertia makes them do.
+
+    Parameters
+    ----------
+    closed
+        Chain at its configuration.
+    needed
+        (nv, k) joint efforts that the demanded motion needs.
+    idle
+        (nv, n) idle motions.
+    scale
+        (n,) their natural sizes [m or rad].
+
+    Returns
+    -------
+    casadi.SX
+        (nv, k) joint efforts of the motion as it is then.
+    """
+    return needed + inertia_times(closed, idle) @ idle_accelerations(closed, needed, idle, scale)
 
 
 def _least_norm(closed: ClosedTree, share: ca.SX, load: ca.SX, rows: list[int]) -> ca.SX:
     """Solve share tau = load for the smallest tau, in the motors' own units as the one-state verb does."""
-    share, load = share[rows, :], load[rows]
+    share, load = share[rows, :], load[rows, :]
     square = share @ share.T
     scale = closed.motion_scale[rows]
     multipliers, _ = solve_square(
