@@ -27,13 +27,16 @@ from stewart_pin.kernels.graph import (
 )
 from stewart_pin.kernels.graph.derivatives import dynamics_derivatives, platform_derivatives
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
-from stewart_pin.kernels.graph.geometry_derivatives import geometry_derivatives
+from stewart_pin.kernels.graph.geometry_by_legs import leg_displacements, leg_geometry_derivatives
+from stewart_pin.kernels.graph.geometry_by_tree import tree_geometry_derivatives
+from stewart_pin.kernels.graph.held_motion import HeldMotion, hold
 from stewart_pin.kernels.graph.leg_regressor import platform_regressor
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.idle_freedoms import require_idle_without_effect
+from stewart_pin.kernels.mobile_displacements import MobileDisplacements, mobile_displacements
 from stewart_pin.kernels.plan import plan_platform
 from stewart_pin.kernels.samples import closed_samples
 from stewart_pin.model.chain import ClosedChain
@@ -76,7 +79,8 @@ _DERIVATIVES = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives")
 _HELD = ("inverse_dynamics", "reactions", "regressor")
 """What the motors hold: their share of the forces is solved for."""
 _FOLLOWING = ("forward_dynamics", "motor_jacobian")
-_GEOMETRY = ("inverse_dynamics_geometry", "forward_dynamics_geometry")
+_BY_TREE = ("inverse_dynamics_by_tree", "forward_dynamics_by_tree")
+_BY_LEGS = ("inverse_dynamics_by_legs", "forward_dynamics_by_legs")
 
 
 class FunctionSet:
@@ -100,6 +104,7 @@ class FunctionSet:
         self.coordinates: Coordinates = coordinates
         self.placed: PlacedPlatform | None = None
         self.why_whole_tree = f"{coordinates} coordinates"
+        self._written: dict[str, ca.Function] = {}
         if coordinates != "tree":
             require_idle_without_effect(chain, closed_samples(chain, count=1)[0])
         if coordinates == "platform":
@@ -134,15 +139,15 @@ class FunctionSet:
     def names(self) -> tuple[str, ...]:
         """Names of the functions."""
         if self.coordinates == "tree":
-            return (*_STATE, *_TREE)
+            return (*_STATE, *_BY_TREE, *_TREE)
         if self.coordinates == "motor":
             own = [name for name in _DRIVEN if name != "motor_jacobian"]
         elif self.placed is None:
             own = [*_DRIVEN]
         else:
-            own = [*_LEGS, *_GEOMETRY, "reactions"]
+            own = [*_LEGS, "reactions", *(_BY_LEGS if self.leg_displacements else ())]
         steps = (equations + kind for equations in self._equations for kind in _STEPS)
-        return (*own, *steps, *_DERIVATIVES, *_TREE)
+        return (*own, *steps, *_DERIVATIVES, *_BY_TREE, *_TREE)
 
     @cached_property
     def _equations(self) -> dict[str, Callable[[], NewtonEquations]]:
@@ -154,6 +159,31 @@ class FunctionSet:
             return {**closing, "motor_closing": lambda: driven_tree.closing_equations(self.motor_driven)}
         placed = self.placed
         return {**closing, "forward_kinematics": lambda: platform_kinematics.pose_equations(placed)}
+
+    @cached_property
+    def leg_displacements(self) -> tuple[int, ...]:
+        """Displacements of the geometry by which the legs can be differentiated in closed form."""
+        return () if self.placed is None else leg_displacements(self.placed)
+
+    @cached_property
+    def displacements(self) -> MobileDisplacements:
+        """Displacements of the geometry along which there is a derivative."""
+        return mobile_displacements(self.closed, self._drive, lambda: self._by_tree(_BY_TREE[0]))
+
+    @cached_property
+    def held(self) -> HeldMotion:
+        """What of a motion is held while the geometry changes."""
+        return hold(self.closed, self._drive)
+
+    @property
+    def _drive(self) -> DrivenTree | None:
+        return None if self.coordinates == "tree" else self.driven
+
+    def _by_tree(self, name: str) -> ca.Function:
+        if name not in self._written:
+            verb = name.removesuffix("_by_tree")
+            self._written[name] = tree_geometry_derivatives(self.held, self._drive, verb)
+        return self._written[name]
 
     @property
     def pivot_score(self) -> float:
@@ -185,6 +215,8 @@ class FunctionSet:
             raise InputError(f"name must be one of {', '.join(self.names)}, got {name!r}")
         if name in _TREE:
             return _TREE[name](self.closed)
+        if name in _BY_TREE:
+            return self._by_tree(name)
         if self.coordinates == "tree":
             return _STATE[name](self.closed)
         if name in _DERIVATIVES:
@@ -193,8 +225,8 @@ class FunctionSet:
                 return platform_derivatives(self.placed, verb)
             function = self.function(verb)
             return dynamics_derivatives(function, None if self.placed is not None else self.driven)
-        if self.placed is not None and name in _GEOMETRY:
-            return geometry_derivatives(self.placed, name.removesuffix("_geometry"))
+        if self.placed is not None and name in _BY_LEGS:
+            return leg_geometry_derivatives(self.placed, name.removesuffix("_by_legs"))
         if self.placed is not None and name in _LEGS:
             return _LEGS[name](self.placed)
         if self.placed is not None and name == "reactions":
@@ -220,7 +252,7 @@ class FunctionSet:
         casadi.Function or None
             Of the function's first input; None where nothing is divided by, or where only steps are taken.
         """
-        kind = name.removesuffix("_derivatives").removesuffix("_geometry")
+        kind = name.removesuffix("_derivatives").removesuffix("_by_tree").removesuffix("_by_legs")
         if kind not in _HELD and kind not in _FOLLOWING:
             return None
         motors = kind in _HELD
@@ -228,5 +260,5 @@ class FunctionSet:
             return conditioning.platform_conditioning(
                 self.placed, motors=motors, reactions=kind == "reactions"
             )
-        driven = None if self.coordinates == "tree" else self.driven
-        return conditioning.tree_conditioning(self.closed, driven, motors=motors)
+        held = self.held if name in _BY_TREE else None
+        return conditioning.tree_conditioning(self.closed, self._drive, motors=motors, held=held)

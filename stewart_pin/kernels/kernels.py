@@ -10,11 +10,12 @@ from stewart_pin.kernels.array_kernel import Engine
 from stewart_pin.kernels.report import KernelReport, count_operations, plan_blocks
 from stewart_pin.kernels.verbs.derivatives import DerivativeVerbs
 from stewart_pin.kernels.verbs.dynamics import DynamicsVerbs
+from stewart_pin.kernels.verbs.geometry import GeometryVerbs
 from stewart_pin.kernels.verbs.kinematics import KinematicsVerbs
 from stewart_pin.model.chain import ClosedChain
 
 
-class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs):
+class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
     """Verbs of a chain for arrays of states; made by `compile_kernels`.
 
     Arguments are (N, size), or (size,) for a value that holds for all states. A state that cannot be answered (out of

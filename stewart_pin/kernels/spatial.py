@@ -17,41 +17,45 @@ _ROUND_OFF = 1e-15
 """Entries of constants this near to 0, 1 or -1, where 1 is the largest entry of a rotation, are meant to be those."""
 
 
-def constant(values: ArrayLike) -> ca.SX:
+def constant(values: ArrayLike | ca.SX) -> ca.SX:
     """Turn an array into an expression without inputs.
 
     Parameters
     ----------
     values
-        (n,) or (m, n) numbers, any unit.
+        (n,) or (m, n) numbers, any unit; expressions stay what they are.
 
     Returns
     -------
     casadi.SX
         (n, 1) or (m, n).
     """
+    if isinstance(values, ca.SX):
+        return values
     return ca.SX(ca.DM(np.asarray(values, dtype=float)))
 
 
-def rotation_constant(rotation: ArrayLike) -> ca.SX:
+def rotation_constant(rotation: ArrayLike | ca.SX) -> ca.SX:
     """Turn a rotation into an expression, with round-off beside 0 and ±1 removed.
 
     Parameters
     ----------
     rotation
-        (3, 3) rotation.
+        (3, 3) rotation; expressions stay what they are.
 
     Returns
     -------
     casadi.SX
         (3, 3).
     """
+    if isinstance(rotation, ca.SX):
+        return rotation
     rotation = np.array(rotation, dtype=float)
     nearest = np.round(rotation)
     return constant(np.where(np.abs(rotation - nearest) < _ROUND_OFF, nearest, rotation))
 
 
-def signed_permutation(rotation: ArrayLike) -> bool:
+def signed_permutation(rotation: ArrayLike | ca.SX) -> bool:
     """Tell whether a rotation only swaps axes, so that applying it costs nothing.
 
     Parameters
@@ -62,8 +66,10 @@ def signed_permutation(rotation: ArrayLike) -> bool:
     Returns
     -------
     bool
-        Whether every entry is 0 or ±1, to round-off.
+        Whether every entry is 0 or ±1, to round-off; expressions are not.
     """
+    if isinstance(rotation, ca.SX):
+        return False
     rotation = np.asarray(rotation, dtype=float)
     return bool((np.abs(rotation - np.round(rotation)) < _ROUND_OFF).all())
 

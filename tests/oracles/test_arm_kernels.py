@@ -35,8 +35,6 @@ BY_MOTION = (
     "regressor",
     "inverse_dynamics_derivatives",
     "forward_dynamics_derivatives",
-    "inverse_dynamics_geometry",
-    "forward_dynamics_geometry",
 )
 
 
@@ -207,6 +205,11 @@ def test_every_verb_of_every_robot(
             last = np.ones((3, many.chain.nu)) if verb.startswith("forward") else acceleration
             with contextlib.suppress(UnsupportedError):  # derivatives and regressors of some
                 getattr(many, verb)(pose, twist, last)
+    legs = many._functions.leg_displacements
+    if legs or many.chain.nv < 15:  # hundreds of thousands of operations otherwise, of the same kinds
+        along = [many.geometry_parameters[k] for k in legs] or None
+        many.inverse_dynamics_geometry(pose, twist, acceleration, along=along)
+        many.forward_dynamics_geometry(pose, twist, np.ones((3, many.chain.nu)), along=along)
     if coordinates == "platform":
         many.motor_jacobian(pose)
         many.conditioning(pose)

@@ -11,6 +11,7 @@ import numpy as np
 from stewart_pin.kernels.elimination import Elimination, plan_pivots
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.functions import shared
+from stewart_pin.kernels.graph.held_motion import HeldMotion
 from stewart_pin.kernels.graph.leg_reactions import holding_share
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
@@ -53,7 +54,11 @@ def platform_conditioning(
 
 
 def tree_conditioning(
-    closed: ClosedTree, driven: DrivenTree | None = None, *, motors: bool = True
+    closed: ClosedTree,
+    driven: DrivenTree | None = None,
+    *,
+    motors: bool = True,
+    held: HeldMotion | None = None,
 ) -> ca.Function:
     """Write the conditioning of a configuration.
 
@@ -65,6 +70,8 @@ def tree_conditioning(
         The same, driven, if its motion is to follow from that of its drive.
     motors
         Whether the motors must hold it.
+    held
+        What is held of its motion while the geometry changes, if that is the question.
 
     Returns
     -------
@@ -72,6 +79,8 @@ def tree_conditioning(
         ``q -> conditioning``, (nq, 1) to (1, 1), as `platform_conditioning`.
     """
     reduced = [closed.reduced] if driven is None else [closed.reduced, driven.reduced]
+    if held is not None:
+        reduced.append(held.reduced)
     if motors:
         share = closed.motions.T @ tree_motor_columns(closed.tree)
         reduced.append(_share_reduced(share, closed.values, closed.motion_scale))

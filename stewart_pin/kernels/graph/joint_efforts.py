@@ -55,7 +55,7 @@ def inertial_wrenches(joints: Sequence[TreeJoint], moving: Motions) -> dict[int,
     second = [np.zeros((3, 3)), *(joint.masses.second for joint in joints)]
     for k in range(len(joints), 0, -1):
         joint = joints[k - 1]
-        if joint.kind is JointKind.PRISMATIC and joint.parent:
+        if joint.kind is JointKind.PRISMATIC and joint.parent and not isinstance(joint.rotation, ca.SX):
             second[joint.parent] = second[joint.parent] + joint.rotation @ second[k] @ joint.rotation.T
             second[k] = np.zeros((3, 3))
     wrenches: dict[int, Wrench] = {}

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.verbs.calling import Caller, Places
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -78,84 +77,3 @@ class DerivativeVerbs(Caller):
             (pose, twist, tau_motor),
             Places(out, status, conditioning, threads),
         )
-
-    def inverse_dynamics_geometry(
-        self,
-        pose: ArrayLike,
-        twist: ArrayLike,
-        acceleration: ArrayLike,
-        *,
-        out: Sequence[FloatArray] | None = None,
-        status: np.ndarray | None = None,
-        conditioning: FloatArray | None = None,
-        threads: int = 1,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Differentiate the motor efforts with respect to where the legs are attached.
-
-        Parameters
-        ----------
-        pose, twist, acceleration
-            Motion of the platform [m, unit quaternion; per s; per s²].
-        out, status, conditioning, threads
-            Where to write, in any unit, and by how many threads: see `Kernels`.
-
-        Returns
-        -------
-        by_base, by_platform : numpy.ndarray
-            (N, nu, 18) each [N/m]: per x, y, z of the point where each leg stands, in world axes, and of the point
-            where it carries the platform, in platform axes; legs in the order of their motors. The motion of the
-            platform is held, and the bodies keep their inertia about the joints that carry them.
-
-        Raises
-        ------
-        UnsupportedError
-            If the platform has not six freedoms and six motors on legs that stand on the ground.
-        """
-        self._require_geometry("inverse_dynamics_geometry")
-        return self._call(
-            "inverse_dynamics_geometry",
-            (pose, twist, acceleration),
-            Places(out, status, conditioning, threads),
-        )
-
-    def forward_dynamics_geometry(
-        self,
-        pose: ArrayLike,
-        twist: ArrayLike,
-        tau_motor: ArrayLike,
-        *,
-        out: Sequence[FloatArray] | None = None,
-        status: np.ndarray | None = None,
-        conditioning: FloatArray | None = None,
-        threads: int = 1,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Differentiate the acceleration under motor efforts with respect to where the legs are attached.
-
-        Parameters
-        ----------
-        pose, twist
-            State of the platform [m, unit quaternion; per s].
-        tau_motor
-            (N, nu) motor efforts [N or N m].
-        out, status, conditioning, threads
-            Where to write, in any unit, and by how many threads: see `Kernels`.
-
-        Returns
-        -------
-        by_base, by_platform : numpy.ndarray
-            (N, 6, 18) each [1/s², 1/(m s²)], in the order of `inverse_dynamics_geometry`.
-
-        Raises
-        ------
-        UnsupportedError
-            If the platform has not six freedoms and six motors on legs that stand on the ground.
-        """
-        self._require_geometry("forward_dynamics_geometry")
-        return self._call(
-            "forward_dynamics_geometry", (pose, twist, tau_motor), Places(out, status, conditioning, threads)
-        )
-
-    def _require_geometry(self, verb: str) -> None:
-        if verb not in self.names:
-            why = self._functions.why_whole_tree
-            raise UnsupportedError(f"{verb} needs legs in closed form: {why}")

@@ -1,0 +1,241 @@
+"""Derivatives of the dynamics with respect to geometry, for any chain: by multipliers, on the whole tree.
+
+A result x, an effort or an acceleration, obeys the equation of motion f(q, v, a, x, g) = 0 and the conditions of
+`held_motion`, c_q = c_v = c_a = 0. With multipliers that make
+
+    L = x + w·f + α·c_a + β·c_v + γ·c_q
+
+insensitive to a, v and q, in this order, dx/dg = ∂L/∂g with everything else held: one sweep back per result,
+however many displacements there are [1]_.
+
+Idle freedoms keep the least norm of their rates, Iᵀ v = 0, where I itself depends on g. Motors to spare keep
+least efforts, tau = S u with J u = 0. Both add multiples of J(q, g) times a fixed vector to L.
+
+References
+----------
+.. [1] Bryson, Ho, "Applied Optimal Control", 1975, section 2.3, the adjoint of a system of equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+
+from stewart_pin.kernels.elimination import solve_symmetric
+from stewart_pin.kernels.graph.derivatives import configuration_chart
+from stewart_pin.kernels.graph.displaced_tree import displaced_tree
+from stewart_pin.kernels.graph.driven_tree import DrivenTree, driven_motion, driven_velocity
+from stewart_pin.kernels.graph.functions import shared
+from stewart_pin.kernels.graph.held_motion import (
+    HeldMotion,
+    condition_bias,
+    condition_columns,
+    condition_gaps,
+    hold_motors,
+)
+from stewart_pin.kernels.graph.joint_efforts import tree_efforts
+from stewart_pin.kernels.graph.joint_motion import at_rest, motions
+from stewart_pin.kernels.graph.state_functions import openness
+from stewart_pin.kernels.graph.whole_tree import (
+    ClosedTree,
+    idle_accelerations,
+    inertia_times,
+    let_idle_go,
+    motor_columns,
+    motor_efforts,
+    tree_forward_dynamics,
+)
+from stewart_pin.kernels.spatial import constant
+from stewart_pin.mechanics.constrained import require_held
+from stewart_pin.mechanics.freedom import analyse_freedom
+from stewart_pin.typing import FloatArray
+
+_ZERO = 1e-9
+"""Entries below this are round-off."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """A motion, and multipliers with one column per result.
+
+    `pairs` are (multipliers, vectors): the rows J(q, g) times vectors that are held, times the multipliers.
+    """
+
+    held: HeldMotion
+    v: ca.SX
+    a: ca.SX
+    lambda_c: ca.SX
+    work: ca.SX
+    bias: ca.SX
+    pairs: tuple[tuple[ca.SX, ca.SX], ...]
+
+    def with_pair(self, multipliers: ca.SX, vectors: ca.SX) -> _Sums:
+        return replace(self, pairs=(*self.pairs, (multipliers, vectors)))
+
+    def values(self) -> list[ca.SX]:
+        return [
+            self.v,
+            self.a,
+            self.lambda_c,
+            self.work,
+            self.bias,
+            *(x for pair in self.pairs for x in pair),
+        ]
+
+    def symbolic(self) -> _Sums:
+        """Put symbols for all that is held."""
+        v, a, lambda_c, work, bias, *rest = (ca.SX.sym("held", *value.shape) for value in self.values())
+        return _Sums(self.held, v, a, lambda_c, work, bias, tuple(zip(rest[::2], rest[1::2], strict=True)))
+
+    def total(self, closed: ClosedTree) -> ca.SX:
+        """Write w·f + α·c_a and the pairs for the chain as it is or displaced: (results, 1)."""
+        joints, on_platform = closed.tree.joints, self.held.on_platform
+        falling = at_rest(constant(closed.tree.gravity))
+        efforts = tree_efforts(joints, closed.at, motions(joints, closed.at, self.v, self.a, falling))
+        efforts = efforts - closed.columns.transpose @ self.lambda_c
+        rows = condition_columns(closed, on_platform).T
+        total = self.work.T @ efforts + self.bias.T @ condition_bias(closed, on_platform, self.v)
+        for multipliers, vectors in self.pairs:
+            if vectors.shape[1] == 1:
+                total = total + multipliers.T @ (rows @ vectors)
+            else:
+                total = total + ca.sum1(multipliers * (rows @ vectors)).T
+        return total
+
+    def evaluated(self, held: _Sums, expression: ca.SX) -> ca.SX:
+        """Give the symbols of `held` in an expression their values."""
+        q = self.held.closed.q
+        return ca.Function("held", [q, *held.values()], [expression]).call([q, *self.values()])[0]
+
+
+def tree_geometry_derivatives(held: HeldMotion, driven: DrivenTree | None, name: str) -> ca.Function:
+    """Differentiate inverse or forward dynamics with respect to the places where joints and loops are attached.
+
+    Parameters
+    ----------
+    held
+        The chain, and what of its motion is held.
+    driven
+        The same chain, driven; None for functions of whole states.
+    name
+        ``inverse_dynamics`` or ``forward_dynamics``.
+
+    Returns
+    -------
+    casadi.Function
+        Same inputs; ``by_geometry`` (results, displacements), in the order of `stewart_pin.geometry_parameters`. It
+        holds for displacements that keep the mobility; and ``infeasible`` or ``open``, as the dynamics have it.
+
+    Raises
+    ------
+    ActuationError
+        If the motors cannot hold the robot at home.
+    """
+    inverse = name == "inverse_dynamics"
+    inputs, judges, found = (_inverse if inverse else _forward)(held, driven)
+    outputs = {"by_geometry": _by_geometry(found), **judges}
+    return shared(f"{name}_by_tree", inputs, outputs)
+
+
+def _inverse(held: HeldMotion, driven: DrivenTree | None) -> tuple[dict[str, ca.SX], dict[str, ca.SX], _Sums]:
+    closed = held.closed
+    tree, chain = closed.tree, closed.chain
+    require_held(chain, analyse_freedom(chain, chain.q_home))
+    if driven is None:
+        v, a = ca.SX.sym("v", tree.nv), ca.SX.sym("a", tree.nv)
+        inputs = {"q": closed.q, "v": v, "a": a}
+        judges = {"open": openness(closed, closed.q, v, a)}
+    else:
+        inputs, v, a, infeasible = driven_motion(driven)
+        judges = {"infeasible": infeasible}
+    falling = at_rest(constant(tree.gravity))
+    demanded = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
+    own: list[ca.SX] = []
+
+    def let_go(idle: ca.SX, scale: FloatArray) -> ca.SX:
+        steps = idle_accelerations(closed, demanded, idle, scale)
+        own.append(idle @ steps)
+        return demanded + inertia_times(closed, idle) @ steps
+
+    tau_motor, needed = motor_efforts(closed, demanded, let_go)
+    lambda_c = _loop_multipliers(closed, needed - motor_columns(tree) @ tau_motor)
+    moving = a + own[0] if own else a
+    # Motor efforts are linear in the joint efforts: these are their coefficients.
+    unit = ca.SX.eye(tree.nv)
+    work = motor_efforts(closed, unit, lambda idle, scale: let_idle_go(closed, unit, idle, scale))[0].T
+    pulled = -inertia_times(closed, work)
+    if own and driven is None and tree.nc:
+        # Idle freedoms go their own way from what was demanded, as far as the motors' accelerations let them.
+        going = hold_motors(closed).multipliers(pulled)
+        bias = held.multipliers(pulled - closed.columns.transpose @ going)
+        pairs = ((going, moving), (bias, a))
+        bias = bias + going
+    else:
+        bias = held.multipliers(pulled)
+        pairs = ((bias, moving),)
+    sums = _Sums(held, v, moving, lambda_c, work, bias, pairs)
+    spare = ca.SX.eye(len(tree.motors)) - motor_columns(tree).T @ work
+    if np.abs(closed.values(spare)).max() > _ZERO:
+        sharing = _loop_multipliers(closed, -motor_columns(tree) @ spare)
+        sharing = ca.vertcat(sharing, ca.SX.zeros(held.size - tree.nc, sharing.shape[1]))
+        sums = sums.with_pair(sharing, work @ tau_motor)
+    return inputs, judges, sums
+
+
+def _forward(held: HeldMotion, driven: DrivenTree | None) -> tuple[dict[str, ca.SX], dict[str, ca.SX], _Sums]:
+    closed = held.closed
+    tree = closed.tree
+    tau_motor = ca.SX.sym("tau_motor", len(tree.motors))
+    if driven is None:
+        v = ca.SX.sym("v", tree.nv)
+        inputs = {"q": closed.q, "v": v, "tau_motor": tau_motor}
+        judges = {"open": openness(closed, closed.q, v)}
+    else:
+        velocity, v, infeasible = driven_velocity(driven)
+        inputs = {"q": closed.q, "velocity": velocity, "tau_motor": tau_motor}
+        judges = {"infeasible": infeasible}
+    a, lambda_c = tree_forward_dynamics(closed, v, tau_motor)
+    moved = inertia_times(closed, closed.motions)
+    inertia = closed.motions.T @ moved
+    values = closed.values(inertia) * closed.motion_scale[:, None] * closed.motion_scale
+    steps = ca.vertcat(*solve_symmetric(inertia, -(closed.motions.T @ held.output), values)[0])
+    bias = _loop_multipliers(closed, -(held.output + moved @ steps))
+    if held.on_platform:
+        bias = ca.vertcat(bias, ca.SX.eye(6))
+    turned = closed.columns.turn.T @ lambda_c
+    return inputs, judges, _Sums(held, v, a, turned, closed.motions @ steps, bias, ((bias, a),))
+
+
+def _loop_multipliers(closed: ClosedTree, right: ca.SX) -> ca.SX:
+    """Solve J_cᵀ x = right for the rows as they are turned, dependent ones at zero: (nc, k)."""
+    found = closed.reduced.back(closed.reduced.forward(right), {})
+    rest = ca.SX.zeros(1, right.shape[1])
+    return ca.vertcat(*(found.get(k, rest) for k in range(closed.tree.nc)), ca.SX(0, right.shape[1]))
+
+
+def _by_geometry(sums: _Sums) -> ca.SX:
+    """Find the multipliers of rates and positions, and differentiate: (results, displacements)."""
+    held, closed = sums.held, sums.held.closed
+    symbols = sums.symbolic()
+    by_v = sums.evaluated(symbols, ca.jacobian(symbols.total(closed), symbols.v)).T
+    if held.idle.shape[1]:
+        square = held.idle.T @ held.idle
+        shares = solve_symmetric(square, -(held.idle.T @ by_v), closed.values(square))[0]
+        along = held.idle @ ca.vertcat(*shares)
+        # Iᵀ v = 0 at all times, and v = Aᵀ m for the rows A, with A I = 0: vᵀ dI = -mᵀ dA I.
+        rows = ca.repmat(held.multipliers(sums.v), 1, by_v.shape[1])
+        sums = sums.with_pair(rows, -along)
+        by_v = by_v + along
+    sums = sums.with_pair(held.multipliers(-by_v), sums.v)
+    symbols = sums.symbolic()
+    by_q = ca.jacobian(symbols.total(closed), closed.q) @ configuration_chart(closed.tree, closed.q)
+    positions = held.multipliers(-sums.evaluated(symbols, by_q).T)
+    displaced, displacement = displaced_tree(closed)
+    held_positions = ca.SX.sym("positions", *positions.shape)
+    gaps = condition_gaps(displaced, closed, held.on_platform)
+    change = ca.jacobian(symbols.total(displaced) + held_positions.T @ gaps, displacement)
+    change = ca.substitute(change, displacement, ca.SX.zeros(*displacement.shape))
+    function = ca.Function("change", [closed.q, held_positions, *symbols.values()], [change])
+    return function.call([closed.q, positions, *sums.values()])[0]
