@@ -92,7 +92,7 @@ def _compiled(text: str, target: Target, prototype: Any) -> Any:
     with inside_llvm() as opened:
         module, machine = _read(text, target, opened)
         engine = opened.enter_context(load_llvm().create_mcjit_compiler(module, machine))
-        _require_symbols(module)
+        _require_symbols(module)  # after the engine, which opens the process to such questions
         engine.finalize_object()
         function = prototype(engine.get_function_address("run"))
         end = weakref.finalize(function, opened.pop_all().close)  # the code goes when the function does

@@ -17,7 +17,8 @@ from stewart_pin.geometry.hexapod_bodies import HexapodBodies
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
 from stewart_pin.geometry.leg_motion import leg_rates
 from stewart_pin.kernels.choosing import kernels_for
-from stewart_pin.kernels.compile import Kernels
+from stewart_pin.kernels.kernels import Kernels
+from stewart_pin.kernels.status import StateStatus
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import State, inverse_kinematics, platform_motion, platform_pose
 from stewart_pin.model.chain import ClosedChain
@@ -128,16 +129,18 @@ def demands_by_kernels(kernels: Kernels, motions: Sequence[PlatformSamples]) -> 
         kernels have no answer for.
     """
     ends = np.cumsum([len(samples) for samples in motions])
-    pose = np.concatenate([_poses(samples) for samples in motions])
+    pose = _poses(motions)
     twist = np.concatenate([samples.twist for samples in motions])
     acceleration = np.concatenate([samples.acceleration for samples in motions])
     positions, rates, efforts = (np.empty((len(pose), kernels.chain.nu)) for _ in range(3))
+    codes = np.zeros((2, len(pose)), dtype=np.int8)
     for begin in range(0, len(pose), _CHUNK):
         part = slice(begin, begin + _CHUNK)
-        positions[part] = kernels.inverse_kinematics(pose[part])
-        rates[part] = np.einsum("nij,nj->ni", kernels.motor_jacobian(pose[part]), twist[part])
-        efforts[part] = kernels.inverse_dynamics(pose[part], twist[part], acceleration[part])
-    answered = np.asarray(np.isfinite(np.hstack([positions, efforts])).all(axis=1))
+        state = (pose[part], twist[part], acceleration[part])
+        kernels.inverse_kinematics(pose[part], out=positions[part], status=codes[0, part])
+        np.einsum("nij,nj->ni", kernels.motor_jacobian(pose[part]), twist[part], out=rates[part])
+        kernels.inverse_dynamics(*state, out=efforts[part], status=codes[1, part])
+    answered = (codes == StateStatus.OK).all(axis=0)
     turning = [
         joint.kind is JointKind.REVOLUTE for joint in map(kernels.chain.mechanism.joint, kernels.chain.motors)
     ]
@@ -250,11 +253,18 @@ def _one_state(
     return state, inverse_dynamics(chain, state.q, state.v, state.a).tau_motor
 
 
-def _poses(samples: PlatformSamples) -> FloatArray:
-    """Position and quaternion of each instant [m, unit quaternion]."""
-    rotation = samples.rotation
-    if len(samples) and rotation.strides[0] == 0:  # one orientation for all, as sinusoids have
-        quaternion = np.broadcast_to(Rotation.from_matrix(rotation[0]).as_quat(), (len(samples), 4))
-    else:
-        quaternion = Rotation.from_matrix(rotation).as_quat()
-    return np.hstack([samples.position, quaternion])
+def _poses(motions: Sequence[PlatformSamples]) -> FloatArray:
+    """Position and quaternion of all instants, one motion after the other [m, unit quaternion]."""
+    # One orientation for all instants, as sinusoids have, is turned into a quaternion once.
+    steady = [samples.rotation.strides[0] == 0 for samples in motions]
+    rotations = [
+        samples.rotation[:1] if one else samples.rotation
+        for samples, one in zip(motions, steady, strict=True)
+    ]
+    times = [
+        np.full(len(kept), len(samples) // max(1, len(kept)))
+        for samples, kept in zip(motions, rotations, strict=True)
+    ]
+    quaternions = Rotation.from_matrix(np.concatenate(rotations)).as_quat()
+    positions = np.concatenate([samples.position for samples in motions])
+    return np.hstack([positions, np.repeat(quaternions, np.concatenate(times), axis=0)])

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -144,50 +143,3 @@ def as_results(value: Any, point: Point) -> Results:
             )
         results[name] = np.array(array, dtype=np.float64)
     return results
-
-
-@dataclass(frozen=True)
-class Carried:
-    """A study on its way to workers, where it arrives once.
-
-    Each task brings its study along. A chain that was unpickled again would not be the chain whose kernels are
-    compiled, so a worker goes on with the one that came first.
-
-    Attributes
-    ----------
-    token
-        Tells this study from others.
-    study
-        The study.
-    """
-
-    token: str
-    study: Study = field(compare=False)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _arrived, (self.token, self.study)
-
-    def __call__(self, points: Sequence[Point]) -> list[Answer]:
-        """Answer points.
-
-        Parameters
-        ----------
-        points
-            Where.
-
-        Returns
-        -------
-        list
-            Answer of each.
-        """
-        return self.study(points)
-
-
-def _arrived(token: str, study: Study) -> Carried:
-    return _first(Carried(token, study))
-
-
-@lru_cache(maxsize=4)
-def _first(carried: Carried) -> Carried:
-    """Hand out the one that came first of all that are equal."""
-    return carried

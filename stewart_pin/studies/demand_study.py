@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.compile import Kernels
+from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.motion.motor_demand import (
     MotorDemand,
@@ -20,6 +20,7 @@ from stewart_pin.motion.motor_demand import (
 )
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.studies.answers import Answer, NoAnswer, Results, ask
+from stewart_pin.studies.carried import Carried
 from stewart_pin.studies.points import Point, Points, function_name, words
 from stewart_pin.typing import FloatArray
 
@@ -36,7 +37,7 @@ class DemandStudy:
     Attributes
     ----------
     chain
-        Closed chain, or a function that builds it.
+        A closed chain, carried; or a function that builds one.
     motion
         Function that gives samples.
     of_chain, of_motion
@@ -47,7 +48,7 @@ class DemandStudy:
         Points that a design has on average: kernels are compiled where its states are worth it.
     """
 
-    chain: ClosedChain | Callable[..., ClosedChain]
+    chain: Carried | Callable[..., ClosedChain]
     motion: Callable[..., PlatformSamples]
     of_chain: tuple[str, ...]
     of_motion: tuple[str, ...]
@@ -165,8 +166,8 @@ def motions_in_a_task(study: DemandStudy, points: Points) -> int:
     """
     if not points.size:
         return 1
-    if isinstance(study.chain, ClosedChain) and study.kernels:
-        demand_kernels(study.chain, 1, True)
+    if isinstance(study.chain, Carried) and study.kernels:
+        demand_kernels(study.chain.value, 1, True)
     case = study.case(points.at(0))
     if isinstance(case, NoAnswer):
         return 1 if study.kernels is False else max(1, _STATES // _INSTANTS)
@@ -201,7 +202,7 @@ class _Batch:
 @lru_cache(maxsize=8)
 def _built(study: DemandStudy, parameters: tuple[tuple[str, Any], ...]) -> ClosedChain:
     """Build a design once for all its motions, so that its kernels are compiled once."""
-    return study.chain if isinstance(study.chain, ClosedChain) else study.chain(**dict(parameters))
+    return study.chain.value if isinstance(study.chain, Carried) else study.chain(**dict(parameters))
 
 
 def _require(value: object, kind: type, what: str, function: Any, point: Point) -> None:

@@ -13,6 +13,7 @@ from stewart_pin.errors import InputError
 from stewart_pin.kernels.choosing import require_choice
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.studies.carried import Carried
 from stewart_pin.studies.comparison import Progress
 from stewart_pin.studies.demand_study import DemandStudy, motions_in_a_task
 from stewart_pin.studies.in_flight import require_portable
@@ -99,7 +100,8 @@ def sweep_demand(
     of_chain, of_motion = _parameters(chain, motion, list(points.axes))
     groups = points.groups(of_chain) if of_chain else None
     designs = 1 if groups is None else int(groups.max(initial=-1)) + 1
-    study = DemandStudy(chain, motion, of_chain, of_motion, kernels, points.size / max(1, designs))
+    carried = Carried(_digest(chain), chain) if isinstance(chain, ClosedChain) else chain
+    study = DemandStudy(carried, motion, of_chain, of_motion, kernels, points.size / max(1, designs))
     if not isinstance(chain, ClosedChain):
         require_portable(executor, chain, function_name(chain))
     require_portable(executor, motion, function_name(motion))

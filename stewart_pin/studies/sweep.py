@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.studies.answers import Answer, Carried, EachPoint, Study
+from stewart_pin.studies.answers import Answer, EachPoint, Study
+from stewart_pin.studies.carried import Carried
 from stewart_pin.studies.comparison import Progress
 from stewart_pin.studies.in_flight import require_portable, run_tasks, tasks_in_flight
 from stewart_pin.studies.journal import Journal, open_journal

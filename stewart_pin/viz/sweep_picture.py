@@ -14,7 +14,7 @@ from stewart_pin.viz.figures import new_figure
 
 _LOGARITHMIC = 30.0
 """Ratio of the largest to the smallest value above which colours are spread evenly over the ratios."""
-_COLOURS = ("white", "C1", "C3", "C6")
+_COLOURS = ("white", "C1", "C3", "C9")
 _NO_ANSWER = "0.8"
 
 
@@ -159,7 +159,8 @@ def _map(
         if min(values.shape) < 2 or not finite.size or not finite.min() < level < finite.max():
             continue  # no line through a single row, nor where the level is not met
         contour = ax.contour(x, y, values, levels=[level], colors=[_COLOURS[k % len(_COLOURS)]])
-        ax.clabel(contour, fmt={level: label}, fontsize=9)
+        for text in ax.clabel(contour, fmt={level: label}, fontsize=9, colors="black", inline=False):
+            text.set_bbox({"facecolor": "white", "alpha": 0.8, "pad": 1.0, "linewidth": 0})
 
 
 def _positions(ax: Any, side: str, values: np.ndarray) -> tuple[FloatArray]:

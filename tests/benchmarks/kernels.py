@@ -68,10 +68,10 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
 
     kernels = timed("plan", lambda: stp.compile_kernels(chain))
     half_kernels = stp.compile_kernels(chain, dtype=np.float32)
-    graph = timed("graph of inverse dynamics", lambda: kernels.casadi("inverse_dynamics"))
-    inverse = timed("compile inverse dynamics", lambda: stp.compile_function(graph))
-    one = timed("compile it for one state", inverse.single_state)
-    tau = timed("first inverse dynamics", lambda: kernels.inverse_dynamics(pose, twist, acceleration))
+    timed("graph of inverse dynamics", lambda: kernels.casadi("inverse_dynamics"))
+    tau = timed("compile and run it", lambda: kernels.inverse_dynamics(pose, twist, acceleration))
+    one = timed("compile it for one state", lambda: kernels.single_state("inverse_dynamics"))
+    inverse = kernels.inverse_dynamics
     back = timed("first forward dynamics", lambda: kernels.forward_dynamics(pose, twist, tau))
     lengths = timed("first six lengths", lambda: kernels.inverse_kinematics(pose))
     home = pin.SE3ToXYZQUAT(stp.platform_pose(chain, chain.q_home))
@@ -83,7 +83,7 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
         for p, t, c in zip(pose[:FEW], twist[:FEW], acceleration[:FEW], strict=True)
     ]
     q, v, a = (np.array([getattr(s, n) for s in states]) for n in "qva")
-    out = np.empty((N, 6))
+    out, status, conditioning = np.empty((N, 6)), np.empty(N, dtype=np.int8), np.empty(N)
     half = [x.astype(np.float32) for x in (pose, twist, acceleration)]
     short = [x[:1] for x in (pose, twist, acceleration)]
     first = [x[0].copy() for x in (pose, twist, acceleration)]
@@ -143,7 +143,11 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
         "NumPy closed form": (closed_form, N),
         "kernel, float64": (lambda: kernels.inverse_dynamics(pose, twist, acceleration), N),
         "kernel, float64, out=": (lambda: inverse(pose, twist, acceleration, out=out), N),
-        "the same, 16 times as many states": (lambda: inverse(*many, out=room), len(room)),
+        "the same with status and conditioning": (
+            lambda: inverse(pose, twist, acceleration, out=out, status=status, conditioning=conditioning),
+            N,
+        ),
+        "kernel, out=, 16 times as many states": (lambda: inverse(*many, out=room), len(room)),
         "the same on 2 threads": (lambda: inverse(*many, out=room, threads=2), len(room)),
         "kernel, float32": (lambda: half_kernels.inverse_dynamics(*half), N),
         "kernel, array of one state": (lambda: [inverse(*short, out=out[:1]) for _ in range(FEW)], FEW),

@@ -124,7 +124,7 @@ threading.Thread(target=work, daemon=True).start()
 begun.wait()
 """
     environment = {**os.environ, "MALLOC_PERTURB_": "85"}
-    for _ in range(5):  # half of them used to end in an abort
+    for _ in range(3):  # half of them used to end in an abort
         run = subprocess.run(
             [sys.executable, "-c", script], capture_output=True, text=True, check=False, env=environment
         )

@@ -7,7 +7,6 @@ import re
 import numpy as np
 import pytest
 
-from stewart_pin.errors import InputError
 from stewart_pin.kernels.array_kernel import ArrayKernel
 from stewart_pin.kernels.instructions import program_from_casadi
 from stewart_pin.kernels.interpreter import run_program
@@ -16,7 +15,7 @@ from stewart_pin.kernels.machine_code import assembly
 from stewart_pin.kernels.preparing import prepare
 from stewart_pin.kernels.program import LIBRARY, Kind, Port, Program, operation_counts
 from stewart_pin.kernels.program_builder import ProgramBuilder
-from stewart_pin.kernels.target import Target, load_llvm, narrow_target
+from stewart_pin.kernels.target import Target, load_llvm
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 from tests.kernels.programs import (
     dense_solve,
@@ -186,11 +185,6 @@ def test_hot_loop_is_made_of_full_vectors(target: Target) -> None:
         fused = len(re.findall(rf"\tvfn?m(?:add|sub)\d+pd\t.*%{register}", text))
         assert fused == counts[Kind.FMA] + 19 + 6
     assert "call" not in text
-
-
-def test_unknown_width_is_refused() -> None:
-    with pytest.raises(InputError, match="vector_bytes must be 16, 32 or 64, got 8"):
-        narrow_target(8)
 
 
 @each_target

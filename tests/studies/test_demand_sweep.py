@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import pickle
 import threading
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -17,6 +18,7 @@ import stewart_pin as stp
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.motion import motor_demand as motor_demand_module
 from stewart_pin.studies import demand_study
+from stewart_pin.studies.carried import Carried
 from stewart_pin.studies.demand_sweep import _digest
 from tests.studies import functions
 from tests.studies.motions import PHASE, design, robot, shake, shake_stewart
@@ -215,6 +217,17 @@ def test_neither_company_nor_executor_changes_a_bit(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         sweep(journal=tmp_path / "journal", chunk=5, progress=interrupt)
     same(sweep(journal=tmp_path / "journal"), whole)
+
+
+def test_a_worker_keeps_a_chain_and_its_kernels() -> None:
+    """As pickle carries them: the same robot from another sweep is the one that is there, another robot is not."""
+
+    def carried(chain: stp.ClosedChain) -> stp.ClosedChain:
+        return pickle.loads(pickle.dumps(Carried(_digest(chain), chain))).value
+
+    first = carried(stp.load("stewart"))
+    assert carried(stp.load("stewart")) is first
+    assert carried(stp.load("stewart", gravity=(0, 0, -1.6))) is not first
 
 
 def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -39,10 +39,11 @@ class KinematicsVerbs(Caller):
             (N, nu) in the order of ``chain.motors``, on the branch of home; joint limits are not looked at [m or rad].
         """
         self._require_platform("inverse_kinematics")
-        states, single = self._states(pose)
         if self._functions.placed is not None:
-            self._grade(states, conditioning, threads)
+            if conditioning is not None:
+                self._grade(self._states(pose)[0], conditioning, threads)
             return self._call("inverse_kinematics", (pose,), Places(out, status, None, threads))
+        states, single = self._states(pose)
         solved = self._configurations(states, threads)
         self._grade(solved.states, conditioning, threads)
         found = self._given(solved, (solved.states[:, self.chain.motor_q_index],), status, single=single)
