@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
+from stewart_pin.closure.newton import TOLERANCE
 from stewart_pin.errors import (
     ActuationError,
     InputError,
@@ -20,10 +22,13 @@ from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.preparing import prepare
 from stewart_pin.kernels.program import Program
 from stewart_pin.kernels.single_state import SingleState
+from stewart_pin.kernels.status import StateBound
 from stewart_pin.model.chain import ClosedChain
 
 MANY_CALLS = 50_000
 """Calls of one state below which compiling, half a second, takes longer than it saves, ten microseconds a call."""
+_NEARLY_CLOSED = 4e-7
+"""Gap in robot sizes up to which one factorisation serves position and velocity: one step leaves `TOLERANCE` of it."""
 HANDFUL = 300
 """States below which the verbs of one state, at a few milliseconds each, are through before kernels are compiled."""
 
@@ -68,22 +73,41 @@ def kernels_for(chain: ClosedChain, states: int, wanted: bool | None = None) -> 
         return None
 
 
-def acceleration_kernel(chain: ClosedChain, calls: int, wanted: bool | None = None) -> SingleState | None:
-    """Compile the forward dynamics of one state of the whole tree, if it is called often enough.
+@dataclass(frozen=True, eq=False)
+class SimulationKernels:
+    """Functions of one state of the whole tree, for the thread that asked; their results last until the next call.
+
+    Attributes
+    ----------
+    acceleration
+        Of (q, v, tau_motor) to (a, lambda_c).
+    projection
+        Of (q, v), all but closed, to (q, v, gap) with closed loops; other states are out of bounds. None for a chain
+        without loops.
+    """
+
+    acceleration: SingleState
+    projection: SingleState | None
+
+
+def simulation_kernels(
+    chain: ClosedChain, calls: int, wanted: bool | None = None
+) -> SimulationKernels | None:
+    """Compile what a simulation calls for one state after the other, if it is called often enough.
 
     Parameters
     ----------
     chain
         Closed chain.
     calls
-        How often it will be called.
+        How often the acceleration will be called.
     wanted
         As in `kernels_for`, with many more calls for None.
 
     Returns
     -------
-    SingleState or None
-        Function of (q, v, tau_motor) to (a, lambda_c), for the thread that asks; its results last until the next call.
+    SimulationKernels or None
+        The functions.
 
     Raises
     ------
@@ -123,15 +147,25 @@ def require_choice(wanted: bool | None) -> None:
 
 
 @lru_cache(maxsize=8)
-def _compiled_tree(chain: ClosedChain, thread: int) -> SingleState:
-    # Its arguments have fixed places: one for each thread. An interpreter would be slower than Pinocchio.
-    return SingleState(_tree_program(chain), (), np.dtype(np.float64), "llvm")
+def _compiled_tree(chain: ClosedChain, thread: int) -> SimulationKernels:
+    # Their arguments have fixed places: one for each thread. An interpreter would be slower than Pinocchio.
+    dtype = np.dtype(np.float64)
+    acceleration = SingleState(_tree_program(chain, "tree_forward_dynamics"), (), dtype, "llvm")
+    if not chain.nc:
+        return SimulationKernels(acceleration, None)
+    bounds = [StateBound("before", upper=_NEARLY_CLOSED), StateBound("left", upper=TOLERANCE)]
+    projection = SingleState(_tree_program(chain, "tree_projection"), bounds, dtype, "llvm")
+    return SimulationKernels(acceleration, projection)
+
+
+@lru_cache(maxsize=16)
+def _tree_program(chain: ClosedChain, name: str) -> Program:
+    return prepare(program_from_casadi(_tree_kernels(chain).casadi(name)))
 
 
 @lru_cache(maxsize=8)
-def _tree_program(chain: ClosedChain) -> Program:
-    kernels = compile_kernels(chain, coordinates="tree")
-    return prepare(program_from_casadi(kernels.casadi("tree_forward_dynamics")))
+def _tree_kernels(chain: ClosedChain) -> Kernels:
+    return compile_kernels(chain, coordinates="tree")
 
 
 @lru_cache(maxsize=8)

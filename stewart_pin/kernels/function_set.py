@@ -33,6 +33,7 @@ from stewart_pin.kernels.graph.held_motion import HeldMotion, hold
 from stewart_pin.kernels.graph.leg_regressor import platform_regressor
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
+from stewart_pin.kernels.graph.projection import projection_function
 from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.idle_freedoms import require_idle_without_effect
@@ -62,6 +63,7 @@ _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
 _TREE: dict[str, Callable[[ClosedTree], ca.Function]] = {
     "tree_inverse_dynamics": state_functions.inverse_dynamics_function,
     "tree_forward_dynamics": state_functions.forward_dynamics_function,
+    "tree_projection": projection_function,
     "platform_pose": platform_frame.platform_pose_function,
 }
 _STATE: dict[str, Callable[[ClosedTree], ca.Function]] = {

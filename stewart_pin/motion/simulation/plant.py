@@ -14,6 +14,7 @@ from stewart_pin.closure.newton import RANK, TOLERANCE
 from stewart_pin.closure.pinocchio_constraints import constraint_models
 from stewart_pin.closure.scratch import LoopScratch
 from stewart_pin.errors import ClosureError, UnsupportedError
+from stewart_pin.kernels.choosing import SimulationKernels
 from stewart_pin.kernels.single_state import SingleState
 from stewart_pin.kernels.status import StateStatus
 from stewart_pin.mechanics.constrained import forward_dynamics
@@ -41,8 +42,9 @@ class Plant:
         (nv,) tangent velocity that keeps them closed [m/s, rad/s].
     motor_inertia
         (nu,) added to the mass matrix [kg or kg m²].
-    kernel
-        Acceleration of one state from compiled code, or None. It is used where it gives what the projection gives.
+    kernels
+        Acceleration and projection from compiled code, or None. They are used where they give what the careful ways
+        give.
     """
 
     def __init__(
@@ -51,7 +53,7 @@ class Plant:
         q: Configuration,
         v: Tangent,
         motor_inertia: FloatArray,
-        kernel: SingleState | None = None,
+        kernels: SimulationKernels | None = None,
     ) -> None:
         self.chain = chain
         self.loops = LoopScratch(chain)
@@ -65,13 +67,26 @@ class Plant:
         self._tolerance = TOLERANCE * self._sizes
         self._tau = np.zeros(chain.nv)
         self.rows = np.arange(chain.nc)
-        self._candidate = kernel
+        self._candidates = kernels
         self._prepare(q, v)
 
     def _fits(self, q: Configuration, v: Tangent, expected: Tangent) -> bool:
         a = self.acceleration(q, v, np.zeros(self.chain.nu))
         # Round-off of a chain of factorisations, with room; a chain without mass gives NaN or nonsense.
         return bool(np.abs(a - expected).max(initial=0.0) < 1e-8 * max(1.0, float(np.abs(expected).max())))
+
+    def _leave_wrong_projector(self, q: Configuration, v: Tangent) -> None:
+        """Compare what compiled code makes of a velocity that opens the loops, and leave it where that is wrong."""
+        projector, self._projector = self._projector, None
+        if projector is None:
+            return
+        open_v = v + self._scale
+        expected, found = self.project(q, open_v)[1], projector(q, open_v)[1]
+        off = np.abs((found - expected) / self._scale).max(initial=0.0)
+        usual = max(1.0, float(np.abs(open_v / self._scale).max(initial=0.0)))
+        if projector.status is StateStatus.OK and off < 1e-8 * usual:
+            self._projector = projector
+        self.loops.place(q)
 
     def _prepare(self, q: Configuration, v: Tangent) -> None:
         chain = self.chain
@@ -85,10 +100,14 @@ class Plant:
         )
         self._weightless = False
         self._kernel: SingleState | None = None
-        if self._candidate is not None and not self.model.armature.any():
-            self._kernel = self._candidate
-            if not self._fits(q, v, expected):
-                self._kernel = None
+        self._projector: SingleState | None = None
+        if self._candidates is not None:
+            if not self.model.armature.any():
+                self._kernel = self._candidates.acceleration
+                if not self._fits(q, v, expected):
+                    self._kernel = None
+            self._projector = self._candidates.projection
+            self._leave_wrong_projector(q, v)
         if self._try_constraint_dynamics(q, v, expected):
             return
         saddle = self._saddle(q)
@@ -116,7 +135,7 @@ class Plant:
         return fits
 
     def watch(self, q: Configuration, v: Tangent) -> None:
-        """Choose loop rows anew, and leave the kernel for good where its fixed pivots have lost too many digits.
+        """Choose loop rows anew, and leave kernels for good where their fixed pivots have lost too many digits.
 
         Parameters
         ----------
@@ -133,6 +152,7 @@ class Plant:
             if not self._fits(q, v, careful):
                 self._kernel = None
             self.loops.place(q)
+        self._leave_wrong_projector(q, v)
 
     def select_rows(self, q: Configuration) -> None:
         """Choose loop rows that imply the others here, where `loops` has been placed.
@@ -225,6 +245,11 @@ class Plant:
         ClosureError
             If the loops do not close.
         """
+        if self._projector is not None:
+            closed_q, closed_v, gap = self._projector(q, v)
+            if self._projector.status is StateStatus.OK:
+                return np.array(closed_q), np.array(closed_v), float(gap[0])
+            # Farther from closed, singular, or the step was too long: the careful way knows.
         gap = self.loops.place(q)
         if not gap.size:
             return q, v, 0.0

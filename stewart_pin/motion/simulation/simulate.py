@@ -11,7 +11,7 @@ import numpy as np
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.closure.equations import flipped_loop, row_sizes
 from stewart_pin.errors import ClosureError, ConvergenceError, InputError
-from stewart_pin.kernels.choosing import acceleration_kernel
+from stewart_pin.kernels.choosing import simulation_kernels
 from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.motion.simulation.charts import ChartStepper
 from stewart_pin.motion.simulation.drive import (
@@ -112,8 +112,8 @@ def simulate(
     rtol, atol
         Tolerances of SciPy's methods, lengths in robot sizes.
     kernels
-        Whether compiled code computes the acceleration; None: in runs so long that compiling pays. It is compared with
-        the careful way 50 times per second of the run, and left where it loses digits.
+        Whether compiled code computes acceleration and projection; None: in runs so long that compiling pays. They are
+        compared with the careful ways 50 times per second of the run, and left where they lose digits.
     progress
         Told from time to time.
 
@@ -216,8 +216,8 @@ def _run(
     watch = max(1, round(1 / (_WATCH_RATE * dt)))
     bank = MotorBank(chain, motors)
     # Four calls a step of the fixed method; SciPy's own number is not known beforehand.
-    kernel = acceleration_kernel(chain, 4 * count, options.kernels)
-    plant = Plant(chain, state.q, state.v, bank.inertia, kernel)
+    kernels = simulation_kernels(chain, 4 * count, options.kernels)
+    plant = Plant(chain, state.q, state.v, bank.inertia, kernels)
     drive.hold(state.held)
     watcher = Watcher(chain, bank, options.singular)
     recorder = Recorder(chain, count // stride + 2)

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
+from stewart_pin.kernels.choosing import SimulationKernels, simulation_kernels
 from stewart_pin.kernels.status import StateStatus
 from stewart_pin.model.description import JointKind
 from stewart_pin.motion.simulation.plant import Plant
@@ -189,10 +190,63 @@ def test_a_kernel_that_loses_digits_is_left(rng: np.random.Generator) -> None:
             return np.full(chain.nv, 1.0), np.zeros(chain.nc)
 
     wrong = Wrong()
-    plant = Plant(chain, chain.q_home, still, np.zeros(chain.nu), wrong)  # type: ignore[arg-type]
+    kernels = SimulationKernels(wrong, None)  # type: ignore[arg-type]
+    plant = Plant(chain, chain.q_home, still, np.zeros(chain.nu), kernels)
     expected = stp.forward_dynamics(chain, chain.q_home, still, np.zeros(6)).a
     np.testing.assert_allclose(plant.acceleration(chain.q_home, still, np.zeros(6)), expected, atol=1e-9)
     assert wrong.called == 1  # tried once, at the start
     plant._kernel = wrong
     plant.watch(chain.q_home, still)
     np.testing.assert_allclose(plant.acceleration(chain.q_home, still, np.zeros(6)), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["stewart", "delta", "four_bar", "rpr_planar"])
+def test_compiled_projection_is_the_careful_one(name: str, rng: np.random.Generator) -> None:
+    """The shortest displacement onto closed loops and its velocity; what is far from closed is left to the careful."""
+    chain = robot(name)
+    q = random_configuration(chain, rng, 0.05)
+    v, _ = random_motion(chain, rng, q)
+    compiled = simulation_kernels(chain, 0, True)
+    assert compiled is not None and compiled.projection is not None
+    careful = Plant(chain, q, v, np.zeros(chain.nu))
+    fast = Plant(chain, q, v, np.zeros(chain.nu), compiled)
+    assert fast._projector is not None
+    for size, status in ((1e-9, StateStatus.OK), (1e-7, StateStatus.OK), (1e-5, StateStatus.OUT_OF_BOUNDS)):
+        off = size * chain.tangent_scale * rng.uniform(-1, 1, chain.nv)
+        beside = pin.integrate(chain.model, q, off)
+        open_v = v + chain.tangent_scale * rng.uniform(-1, 1, chain.nv)
+        (q1, v1, gap1), (q2, v2, gap2) = careful.project(beside, open_v), fast.project(beside, open_v)
+        assert fast._projector.status == status
+        apart = pin.difference(chain.model, q1, q2) / chain.tangent_scale
+        assert np.abs(apart).max() < max(1e-13, size**2)  # the curvature of both ways
+        assert np.abs((v1 - v2) / chain.tangent_scale).max() < 20 * size  # one matrix or a newer one
+        assert max(gap1, gap2) < 1e-12
+        np.testing.assert_allclose(stp.loop_jacobian(chain, q2) @ v2, 0.0, atol=20 * size)
+
+
+def test_a_projection_that_loses_digits_is_left(rng: np.random.Generator) -> None:
+    chain = robot("four_bar")
+    compiled = simulation_kernels(chain, 0, True)
+    assert compiled is not None
+
+    class Wrong:
+        status = StateStatus.OK
+
+        def __call__(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            return q, v, np.zeros(1)
+
+    wrong = SimulationKernels(compiled.acceleration, Wrong())  # type: ignore[arg-type]
+    plant = Plant(chain, chain.q_home, np.zeros(chain.nv), np.zeros(chain.nu), wrong)
+    assert plant._projector is None
+    plant._projector = Wrong()  # type: ignore[assignment]
+    plant.watch(chain.q_home, np.zeros(chain.nv))
+    assert plant._projector is None
+
+
+def test_an_arm_needs_no_projection() -> None:
+    chain = robot("arm_3r_spatial")
+    compiled = simulation_kernels(chain, 0, True)
+    assert compiled is not None and compiled.projection is None
+    fall = stp.simulate(chain, chain.q_home, np.zeros(chain.nv), duration=0.02, kernels=True)
+    same = stp.simulate(chain, chain.q_home, np.zeros(chain.nv), duration=0.02, kernels=False)
+    np.testing.assert_allclose(fall.q[-1], same.q[-1], atol=1e-13)
