@@ -1,55 +1,50 @@
-"""Whole configurations of arrays of poses or motor positions, where the kernels need them."""
+"""Whole configurations of arrays of poses or motor positions, or poses of motor positions, where kernels need them."""
 
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.newton import NewtonSteps, Solved, damped_newton
-from stewart_pin.mechanics.kinematics import platform_pose
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
 
 UNIT = 2e-6
 """Deviation of a squared quaternion from 1: twice that of its length which the one-state verbs allow."""
 
 
-def starts(chain: ClosedChain, steps: NewtonSteps, beside: FloatArray, *, on_platform: bool) -> FloatArray:
+def starts(steps: NewtonSteps, home: FloatArray, target: FloatArray, beside: FloatArray) -> FloatArray:
     """Choose where Newton's method starts: at home, or beside it where home is singular as a stretched arm is.
 
     Parameters
     ----------
-    chain
-        Closed chain.
     steps
-        Towards closed loops and a target.
+        Towards a target.
+    home
+        (n,) state at home: configuration or pose [m, rad, unit quaternions].
+    target
+        (m,) what it meets: pose or motor positions [m, rad, unit quaternions].
     beside
-        (n, nq) closed configurations around home [m, rad, unit quaternions].
-    on_platform
-        Whether targets are poses, not motor positions.
+        (samples, n) states around home [m, rad, unit quaternions].
 
     Returns
     -------
     numpy.ndarray
-        (1 or n, nq) configurations to try in turn [m, rad, unit quaternions].
+        (1 or samples, n) states to try in turn [m, rad, unit quaternions].
     """
-    home = chain.q_home
-    target = pin.SE3ToXYZQUAT(platform_pose(chain, home)) if on_platform else home[chain.motor_q_index]
     stays = steps.double(home, target)[0]
     return home[None] if np.allclose(stays, home, atol=1e-6) else beside
 
 
 def configurations(steps: NewtonSteps, begin: FloatArray, targets: FloatArray, *, threads: int = 1) -> Solved:
-    """Find the configurations that meet targets.
+    """Find the configurations, or poses, that meet targets.
 
     Parameters
     ----------
     steps
-        Towards closed loops and a target.
+        Towards a target.
     begin
-        (n, nq) configurations to try in turn [m, rad, unit quaternions].
+        (n, size) configurations or poses to try in turn [m, rad, unit quaternions].
     targets
         (N, 7) poses or (N, nu) motor positions [m, rad, unit quaternions].
     threads
@@ -58,7 +53,7 @@ def configurations(steps: NewtonSteps, begin: FloatArray, targets: FloatArray, *
     Returns
     -------
     Solved
-        Configurations.
+        Configurations or poses.
     """
     found: Solved | None = None
     for q in begin:

@@ -1,22 +1,23 @@
 """CasADi functions of a chain by name, each written when it is asked for.
 
-Two ways lead from the platform's motion to the motors. Where the chain comes apart into legs with closed forms, the
-functions take the pose itself. Elsewhere, and from motor coordinates, they take the configuration, which Newton steps
-find first.
+Two ways lead between the platform's motion and the motors. Where the chain comes apart into legs with closed forms,
+the functions take the pose, in motor coordinates too: there Newton steps find it first. Elsewhere they take the
+configuration, which Newton steps find first.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from functools import cached_property
 from typing import Literal
 
 import casadi as ca
+import pinocchio as pin
 
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.graph import (
     conditioning,
+    driven_platform,
     driven_tree,
     leg_reactions,
     platform_dynamics,
@@ -26,6 +27,7 @@ from stewart_pin.kernels.graph import (
     whole_tree,
 )
 from stewart_pin.kernels.graph.derivatives import dynamics_derivatives, platform_derivatives
+from stewart_pin.kernels.graph.driven_platform import DrivenPlatform
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.geometry_by_legs import leg_displacements, leg_geometry_derivatives
 from stewart_pin.kernels.graph.geometry_by_tree import tree_geometry_derivatives
@@ -40,7 +42,9 @@ from stewart_pin.kernels.idle_freedoms import require_idle_without_effect
 from stewart_pin.kernels.mobile_displacements import MobileDisplacements, mobile_displacements
 from stewart_pin.kernels.plan import plan_platform
 from stewart_pin.kernels.samples import closed_samples
+from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.chain import ClosedChain
+from stewart_pin.typing import FloatArray
 
 Coordinates = Literal["platform", "motor", "tree"]
 
@@ -51,6 +55,7 @@ _LEGS: dict[str, Callable[[PlacedPlatform], ca.Function]] = {
     "motor_jacobian": platform_kinematics.motor_jacobian_function,
     "conditioning": conditioning.platform_conditioning,
     "regressor": platform_regressor,
+    "reactions": leg_reactions.reactions_function,
 }
 _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
     "inverse_dynamics": driven_tree.driven_inverse_dynamics,
@@ -105,13 +110,13 @@ class FunctionSet:
         self.chain = chain
         self.coordinates: Coordinates = coordinates
         self.placed: PlacedPlatform | None = None
+        self.driven_platform: DrivenPlatform | None = None
         self.why_whole_tree = f"{coordinates} coordinates"
         self._written: dict[str, ca.Function] = {}
         if coordinates != "tree":
             require_idle_without_effect(chain, closed_samples(chain, count=1)[0])
-        if coordinates == "platform":
             try:
-                self.placed = platform_dynamics.place_platform(plan_platform(chain))
+                self._take_apart()
                 self.why_whole_tree = ""
             except UnsupportedError as reason:
                 self.why_whole_tree = str(reason)
@@ -122,10 +127,38 @@ class FunctionSet:
         else:
             self.freedoms = self.driven.determined
 
+    def _take_apart(self) -> None:
+        placed = platform_dynamics.place_platform(plan_platform(self.chain))
+        if self.coordinates == "motor":
+            platform_kinematics.motor_position_expressions(placed)  # refuses what its equations cannot say
+            self.driven_platform = driven_platform.drive_platform(placed)
+        self.placed = placed
+
     @cached_property
     def closed(self) -> ClosedTree:
         """The whole tree with its loop rows eliminated."""
         return whole_tree.close_tree(self.chain)
+
+    def around_home(self, state: str) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Tell from where Newton steps look for a state.
+
+        Parameters
+        ----------
+        state
+            ``"pose"`` of the platform, or configuration ``"q"``.
+
+        Returns
+        -------
+        home, target, beside : numpy.ndarray
+            (n,) state at home, (m,) pose or motor positions there, as the coordinates are, and (samples, n) states
+            around it with closed loops [m, rad, unit quaternions].
+        """
+        chain = self.chain
+        pose = pin.SE3ToXYZQUAT(platform_pose(chain, chain.q_home))
+        target = pose if self.coordinates == "platform" else chain.q_home[chain.motor_q_index]
+        if state == "pose" and self.placed is not None:
+            return pose, target, self.placed.plan.poses
+        return chain.q_home, target, self.closed.samples
 
     @cached_property
     def driven(self) -> DrivenTree:
@@ -147,7 +180,7 @@ class FunctionSet:
         elif self.placed is None:
             own = [*_DRIVEN]
         else:
-            own = [*_LEGS, "reactions", *(_BY_LEGS if self.leg_displacements else ())]
+            own = [*_LEGS, *(_BY_LEGS if self.leg_displacements else ())]
         steps = (equations + kind for equations in self._equations for kind in _STEPS)
         return (*own, *steps, *_DERIVATIVES, *_BY_TREE, *_TREE)
 
@@ -155,17 +188,21 @@ class FunctionSet:
     def _equations(self) -> dict[str, Callable[[], NewtonEquations]]:
         """What Newton steps solve, by name."""
         closing = {"closing": lambda: driven_tree.closing_equations(self.driven)}
+        placed = self.placed
+        if placed is not None:
+            return {**closing, "forward_kinematics": lambda: platform_kinematics.pose_equations(placed)}
         if self.coordinates == "motor":
             return closing
-        if self.placed is None:
-            return {**closing, "motor_closing": lambda: driven_tree.closing_equations(self.motor_driven)}
-        placed = self.placed
-        return {**closing, "forward_kinematics": lambda: platform_kinematics.pose_equations(placed)}
+        return {**closing, "motor_closing": lambda: driven_tree.closing_equations(self.motor_driven)}
 
     @cached_property
     def leg_displacements(self) -> tuple[int, ...]:
         """Displacements of the geometry by which the legs can be differentiated in closed form."""
-        return () if self.placed is None else leg_displacements(self.placed)
+        if (
+            self.placed is None or self.coordinates == "motor"
+        ):  # motors held, the pose changes with the geometry
+            return ()
+        return leg_displacements(self.placed)
 
     @cached_property
     def displacements(self) -> MobileDisplacements:
@@ -191,7 +228,10 @@ class FunctionSet:
     def pivot_score(self) -> float:
         """Smallest pivot relative to its column, over the samples."""
         if self.placed is not None:
-            return min(leg.reduced.pivots.score for leg in self.placed.legs)
+            reduced = [leg.reduced for leg in self.placed.legs]
+            if self.driven_platform is not None:
+                reduced.append(self.driven_platform.reduced)
+            return min(one.pivots.score for one in reduced)
         own = self.closed.reduced.pivots.score
         return own if self.coordinates == "tree" else min(self.driven.reduced.pivots.score, own)
 
@@ -221,23 +261,41 @@ class FunctionSet:
             return self._by_tree(name)
         if self.coordinates == "tree":
             return _STATE[name](self.closed)
-        if name in _DERIVATIVES:
-            verb = name.removesuffix("_derivatives")
-            if self.placed is not None and self.freedoms == self.chain.nu:
-                return platform_derivatives(self.placed, verb)
-            function = self.function(verb)
-            return dynamics_derivatives(function, None if self.placed is not None else self.driven)
-        if self.placed is not None and name in _BY_LEGS:
-            return leg_geometry_derivatives(self.placed, name.removesuffix("_by_legs"))
-        if self.placed is not None and name in _LEGS:
-            return _LEGS[name](self.placed)
-        if self.placed is not None and name == "reactions":
-            with suppress(UnsupportedError):  # rows that need the whole configuration, or the norm over it
-                return leg_reactions.reactions_function(self.placed)
         for kind, write in _STEPS.items():
             if name.removesuffix(kind) in self._equations:
                 return write(name, self._equations[name.removesuffix(kind)]())
+        if self.placed is not None:
+            try:
+                return self._by_legs(self.placed, name)
+            except UnsupportedError:
+                if name != "reactions":  # whose rows may need the whole configuration, or the norm over it
+                    raise
+        if name in _DERIVATIVES:
+            return dynamics_derivatives(self.function(name.removesuffix("_derivatives")), self.driven)
         return _DRIVEN[name](self.driven)
+
+    def _by_legs(self, placed: PlacedPlatform, name: str) -> ca.Function:
+        """Write a function of the pose, and of the motion of the platform or of the motors."""
+        driven = self.driven_platform
+        if driven is None:
+            return self._of_platform(placed, name)
+        if name == "conditioning":
+            return conditioning.platform_conditioning(placed, driving=driven.reduced)
+        if name in _DERIVATIVES:
+            verb = self._of_platform(placed, name.removesuffix("_derivatives"))
+            return driven_platform.derivatives_by_motors(driven, verb, self._of_platform(placed, name))
+        return driven_platform.by_motors(driven, self._of_platform(placed, name))
+
+    def _of_platform(self, placed: PlacedPlatform, name: str) -> ca.Function:
+        """Write a function of the platform's motion."""
+        if name in _BY_LEGS:
+            return leg_geometry_derivatives(placed, name.removesuffix("_by_legs"))
+        if name not in _DERIVATIVES:
+            return _LEGS[name](placed)
+        verb = name.removesuffix("_derivatives")
+        if self.freedoms == self.chain.nu:
+            return platform_derivatives(placed, verb)
+        return dynamics_derivatives(_LEGS[verb](placed), None)
 
     def conditioning_of(self, name: str, function: ca.Function) -> ca.Function | None:
         """Write the conditioning of the states of a function.
@@ -259,8 +317,9 @@ class FunctionSet:
             return None
         motors = kind in _HELD
         if self.placed is not None and function.name_in(0) == "pose":
+            driving = None if self.driven_platform is None else self.driven_platform.reduced
             return conditioning.platform_conditioning(
-                self.placed, motors=motors, reactions=kind == "reactions"
+                self.placed, motors=motors, reactions=kind == "reactions", driving=driving
             )
         held = self.held if name in _BY_TREE else None
         return conditioning.tree_conditioning(self.closed, self._drive, motors=motors, held=held)

@@ -46,8 +46,8 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
     threads        number of threads, each for a range of states; the results are the same, bit for bit
     ============== ===============================================================================================
 
-    A verb that first has to look for the configuration (motor coordinates, or a platform on legs without closed form)
-    does so by Newton steps, from home.
+    A verb that first has to look for the pose (motor coordinates) or the whole configuration (legs without closed form)
+    does so by Newton steps, from home: several poses may meet the same motor positions.
 
     Parameters
     ----------

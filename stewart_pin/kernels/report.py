@@ -56,7 +56,8 @@ class KernelReport:
     coordinates
         ``"platform"``, ``"motor"`` or ``"tree"``.
     route
-        ``"legs"``: leg by leg, in closed form; ``"tree"``: the whole tree, its configuration found by Newton steps.
+        ``"legs"``: leg by leg, in closed form, in motor coordinates from a pose found by Newton steps; ``"tree"``: the
+        whole tree, its configuration found by Newton steps.
     why_tree
         Why not leg by leg.
     freedoms

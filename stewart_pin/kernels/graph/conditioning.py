@@ -23,7 +23,11 @@ _SMALL = 1e-3
 
 
 def platform_conditioning(
-    placed: PlacedPlatform, *, motors: bool = True, reactions: bool = False
+    placed: PlacedPlatform,
+    *,
+    motors: bool = True,
+    reactions: bool = False,
+    driving: Elimination | None = None,
 ) -> ca.Function:
     """Write the conditioning of a pose.
 
@@ -35,6 +39,8 @@ def platform_conditioning(
         Whether the motors must hold the platform, or the legs only follow it.
     reactions
         Whether what holds it where it has no freedom must be determined too.
+    driving
+        By what the motors' motion is turned into that of the platform, if it is.
 
     Returns
     -------
@@ -44,6 +50,8 @@ def platform_conditioning(
         around home, near zero at a singularity of a leg or of the platform.
     """
     reduced = [leg.reduced for leg in placed.legs]
+    if driving is not None:
+        reduced.append(driving)
     if motors:
         share = placed.project(motor_columns(placed))
         reduced.append(_share_reduced(share, placed.values, placed.twist_scale))

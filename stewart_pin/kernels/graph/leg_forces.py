@@ -90,15 +90,36 @@ def leg_motions(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX) -> Moti
     Motions
         Of the leg's bodies.
     """
-    leg, at = placed.leg, placed.at
-    root, felt = _root(placed, moving), _felt_at_ends(placed, moving)
-    drifting = leg_velocities(placed, moving, rates)
-    bias = [drifting.acceleration[e.body] + drifting.turning[e.body] @ constant(e.point) for e in leg.ends]
-    a = placed.reduced.transposed(ca.vertcat(*felt) - ca.vertcat(*bias))
+    leg, felt = placed.leg, _felt_at_ends(placed, moving)
+    a = leg_accelerations(placed, moving, rates)
     known = {e.body: (constant(e.point), felt[k]) for k, e in enumerate(leg.ends)}
     if placed.idle.shape[1]:
         known = {}
-    return motions(leg.joints, at, rates, a, root, known=known)
+    return motions(leg.joints, placed.at, rates, a, _root(placed, moving), known=known)
+
+
+def leg_accelerations(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX) -> ca.SX:
+    """Compute the joint accelerations of a leg that follows the platform; idle motions do not accelerate.
+
+    Parameters
+    ----------
+    placed
+        The leg.
+    moving
+        Motion of the platform.
+    rates
+        (nv, 1) rates of the joints.
+
+    Returns
+    -------
+    casadi.SX
+        (nv, 1) [m/s² or rad/s²].
+    """
+    felt, drifting = _felt_at_ends(placed, moving), leg_velocities(placed, moving, rates)
+    bias = [
+        drifting.acceleration[e.body] + drifting.turning[e.body] @ constant(e.point) for e in placed.leg.ends
+    ]
+    return placed.reduced.transposed(ca.vertcat(*felt) - ca.vertcat(*bias))
 
 
 def leg_velocities(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX) -> Motions:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,6 +46,12 @@ class Places:
     threads: int
 
 
+_GIVEN = {"platform": "pose", "tree": "q"}
+"""What kernels take as it is given, by coordinates; motor positions are never enough."""
+_SEARCHES = {"pose": "forward_kinematics", "q": "closing"}
+"""Equations that lead to what kernels take."""
+
+
 class Caller:
     """Compiled functions of a chain by name.
 
@@ -70,6 +75,7 @@ class Caller:
             raise InputError(f"dtype must be float64 or float32, got {self._dtype}")
         self._written: dict[str, Any] = {}
         self._kernels: dict[tuple[str, bool], ArrayKernel] = {}
+        self._starts: dict[str, FloatArray] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -139,7 +145,7 @@ class Caller:
 
     def _call_configurations(self, kernel: ArrayKernel, inputs: tuple[ArrayLike, ...], places: Places) -> Any:
         states, single = self._states(inputs[0])
-        solved = self._configurations(states, places.threads)
+        solved = self._configurations(states, places.threads, kernel.program.inputs[0].name)
         many = [len(np.asarray(x)) for x in inputs[1:] if np.ndim(x) > 1]
         if single and many:  # one position, several motions of it
             solved, single = solved.with_rows_of(np.zeros(many[0], dtype=int)), False
@@ -168,14 +174,12 @@ class Caller:
         require_out("conditioning", places.conditioning, (count,), self._dtype)
         return [*own, places.conditioning if single else places.conditioning[:, None]]
 
-    def _configurations(self, targets: FloatArray, threads: int) -> Solved:
-        return configurations(self._steps("closing"), self._starts, targets, threads=threads)
-
-    @cached_property
-    def _starts(self) -> FloatArray:
-        beside = self._functions.closed.samples
-        on_platform = self.coordinates == "platform"
-        return starts(self.chain, self._steps("closing"), beside, on_platform=on_platform)
+    def _configurations(self, targets: FloatArray, threads: int, state: str = "q") -> Solved:
+        """Find configurations, or poses where the kernel that takes them is satisfied with these."""
+        steps = self._steps(_SEARCHES[state])
+        if state not in self._starts:
+            self._starts[state] = starts(steps, *self._functions.around_home(state))
+        return configurations(steps, self._starts[state], targets, threads=threads)
 
     def _states(self, position: ArrayLike) -> tuple[FloatArray, bool]:
         if self.coordinates == "platform":
@@ -217,7 +221,7 @@ class Caller:
 
     def _takes_state(self, kernel: ArrayKernel) -> bool:
         """Whether a kernel takes what its verb is given, and no configuration that must be found first."""
-        return self.coordinates == "tree" or kernel.program.inputs[0].name == "pose"
+        return kernel.program.inputs[0].name == _GIVEN.get(self.coordinates)
 
     def _kernel(self, name: str, *, graded: bool = False) -> ArrayKernel:
         """Compile a function, at first use; graded: with its conditioning as the last output."""
