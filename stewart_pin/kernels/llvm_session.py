@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import os
 import threading
 from collections.abc import Iterator
 
 _INSIDE = threading.RLock()  # costs no parallelism: llvmlite lets one thread into LLVM at a time
 _ENDING = threading.Event()
 _PATIENCE = 30.0
-"""Seconds: the largest kernels compile in ten, and a process that was forked may find the lock taken for good."""
+"""Seconds: the largest kernels compile in ten."""
 
 
 @contextlib.contextmanager
@@ -42,3 +43,10 @@ def _end() -> None:
     _ENDING.set()
     if _INSIDE.acquire(timeout=_PATIENCE):
         _INSIDE.release()
+
+
+if hasattr(os, "register_at_fork"):
+    # A process that is forked while another thread is inside would find the lock taken for good, LLVM's own as well.
+    os.register_at_fork(
+        before=_INSIDE.acquire, after_in_parent=_INSIDE.release, after_in_child=_INSIDE.release
+    )

@@ -99,6 +99,33 @@ inside.wait()
     assert (run.returncode, run.stdout) == (0, "left "), run.stderr
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no processes are forked here")
+def test_a_process_forked_while_a_thread_compiles_can_compile() -> None:
+    script = """
+import os, threading, time
+from stewart_pin.kernels.llvm_session import inside_llvm
+inside = threading.Event()
+def work():
+    with inside_llvm():
+        inside.set()
+        time.sleep(0.3)
+        os.write(1, b"left ")
+threading.Thread(target=work).start()
+inside.wait()
+child = os.fork()
+with inside_llvm():
+    os.write(1, b"child " if child == 0 else b"parent ")
+if child == 0:
+    os._exit(0)
+os.waitpid(child, 0)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.startswith("left ") and sorted(run.stdout.split()) == ["child", "left", "parent"]
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="looks on while glibc ends the process")
 def test_a_process_ends_well_while_a_daemon_thread_compiles() -> None:
