@@ -25,6 +25,7 @@ class Ledger:
     def __init__(self, points: Points) -> None:
         self.points = points
         self.done: BoolArray = np.zeros(points.size, dtype=bool)
+        self.begun: BoolArray = np.zeros(points.size, dtype=bool)
         self.count = 0
         self._results: dict[str, FloatArray] = {}
         self._failed: dict[int, NoAnswer] = {}
@@ -56,8 +57,24 @@ class Ledger:
         for end in ends:
             for start in range(begin, end, chunk):
                 numbers = left[start : min(start + chunk, end)].tolist()
+                self.begun[numbers] = True
                 yield numbers, [self.points.at(number) for number in numbers]
             begin = end
+
+    def in_hand(self, most: int) -> list[Point]:
+        """List points that were begun and are not done.
+
+        Parameters
+        ----------
+        most
+            How many to list.
+
+        Returns
+        -------
+        list of dict
+            The first of them.
+        """
+        return [self.points.at(int(number)) for number in np.flatnonzero(self.begun & ~self.done)[:most]]
 
     def require_alike(self, numbers: Sequence[int], answers: Sequence[Answer]) -> None:
         """Check that answers have the names and shapes of those before.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
+from concurrent.futures import BrokenExecutor, Executor
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -18,9 +18,12 @@ from stewart_pin.studies.comparison import Progress
 from stewart_pin.studies.in_flight import require_portable, run_tasks, tasks_in_flight
 from stewart_pin.studies.journal import Journal, open_journal
 from stewart_pin.studies.ledger import Ledger
-from stewart_pin.studies.points import Points, as_points, function_name, require_parameters
+from stewart_pin.studies.points import Points, as_points, function_name, require_parameters, words
 from stewart_pin.studies.record import Sweep
 from stewart_pin.typing import ArrayLike
+
+_LISTED = 8
+"""Points that an error lists."""
 
 
 def sweep(
@@ -169,11 +172,18 @@ def sweep_study(
                 ledger.enter(numbers, answers)
         if ledger.count:
             say("points", ledger.count, points.size)
-        run_tasks(
-            Carried(uuid.uuid4().hex, study),
-            ledger.tasks(groups, chunk),
-            lambda numbers, answers: record(numbers, answers, kept),
-            executor=executor,
-            in_flight=most,
-        )
+        try:
+            run_tasks(
+                Carried(uuid.uuid4().hex, study),
+                ledger.tasks(groups, chunk),
+                lambda numbers, answers: record(numbers, answers, kept),
+                executor=executor,
+                in_flight=most,
+            )
+        except BrokenExecutor as error:
+            lost = "; ".join(map(words, ledger.in_hand(_LISTED)))
+            error.add_note(
+                f"a worker ended without an answer; among the points of the sweep in hand were {lost}"
+            )
+            raise
     return ledger.closed(name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import lru_cache
@@ -56,6 +57,13 @@ class HeavyError(Exception):
 def heavy_at_two(a: float) -> float:
     if a == 2:
         raise HeavyError(1, other=2)
+    return a
+
+
+def deadly_at_two(a: float) -> float:
+    """End the worker, as a machine does that is out of memory."""
+    if a == 2:
+        os._exit(1)
     return a
 
 

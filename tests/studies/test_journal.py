@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -153,6 +153,16 @@ def test_an_error_keeps_what_was_done(path: Path) -> None:
     with pytest.raises(ZeroDivisionError):
         stp.sweep(functions.broken_at_two, {"a": [5, 4, 3, 2]}, journal=path)
     assert len(path.read_text().splitlines()) == 1 + 3
+
+
+def test_a_dead_worker_is_told_with_the_points_in_hand(path: Path) -> None:
+    with functions.processes(1) as pool, pytest.raises(BrokenExecutor) as stopped:
+        stp.sweep(functions.deadly_at_two, {"a": [0, 1, 2, 3]}, journal=path, executor=pool, in_flight=1)
+    assert stopped.value.__notes__[-1].endswith("points of the sweep in hand were a=2")
+    assert len(path.read_text().splitlines()) == 1 + 2
+    with pytest.raises(BrokenExecutor) as again:  # the pool stays broken, and is so before anything is begun
+        stp.sweep(functions.deadly_at_two, {"a": [0, 1, 2, 3]}, journal=path, executor=pool)
+    assert "a=2" in again.value.__notes__[-1]
 
 
 def test_failures_are_kept_with_their_reason(path: Path) -> None:
