@@ -17,8 +17,6 @@ _CLOSED_SINGLE = 1e-5
 """The same in single precision."""
 _DOUBLE_STEPS = 6
 """Double steps before the rows that have not closed by then are damped."""
-_SMALLEST_SHARE = 1e-4
-"""Share of Newton's step below which a row is given up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +28,7 @@ class NewtonSteps:
     double
         Of ``(state, target) -> (next, gap)``: a full step, and another with the matrix of the first.
     damped
-        Gives that of ``(state, target, share) -> (next, gap)``, when rows need it: a share of one step.
+        Gives that of ``(search, target) -> (next, gap)``, when rows need it: a trial of a shorter step.
     """
 
     double: ArrayKernel
@@ -109,7 +107,7 @@ def damped_newton(
     out
         (N, n) array for the states; None makes one [any unit].
     max_iterations
-        Bound on steps.
+        Bound on damped trials of a row.
     threads
         Number of threads.
 
@@ -144,45 +142,22 @@ def _plain(
     return states, gaps[:, 0] <= tolerance
 
 
-def _sizes(gaps: FloatArray) -> FloatArray:
-    """Largest entry of each gap; column by column, since NumPy is slow along short rows."""
-    sizes = np.zeros(len(gaps))
-    for column in np.abs(gaps).T:
-        np.maximum(sizes, column, out=sizes)
-    return sizes
-
-
 def _damped(
-    step: ArrayKernel,
+    kernel: ArrayKernel,
     start: FloatArray,
     target: FloatArray,
     tolerance: float,
-    max_iterations: int,
+    trials: int,
     threads: int,
 ) -> tuple[FloatArray, BoolArray]:
     """Take shorter steps where a full one does not lower the gap."""
-
-    def take(rows: np.ndarray, states: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
-        following, gap = step(states, target[rows], share[:, None], threads=threads)
-        size = _sizes(gap)
-        return following, np.where(np.isfinite(size), size, np.inf)
-
-    states, share = np.array(start, dtype=float), np.ones(len(start))
-    following, gap = take(np.arange(len(start)), states, share)
-    active = np.flatnonzero(np.isfinite(gap) & (gap > tolerance))
-    for _ in range(max_iterations):
-        if not active.size:
-            break
-        after, gap_after = take(active, following[active], np.ones(active.size))
-        better = gap_after < gap[active]
-        good, worse = active[better], active[~better]
-        states[good], gap[good], share[good] = following[good], gap_after[better], 1.0
-        following[good] = after[better]
-        worse = worse[share[worse] > _SMALLEST_SHARE]
-        if worse.size:
-            share[worse] /= 4
-            following[worse] = take(worse, states[worse], share[worse])[0]
-        active = np.sort(np.concatenate([good[gap[good] > tolerance], worse]))
-    closed = gap <= tolerance
-    states[closed] = following[closed]
-    return states, closed
+    (search, *_), (following, gap) = kernel.program.inputs, kernel.program.outputs
+    n = start.shape[1]
+    begin = np.zeros((len(start), search.size), dtype=kernel.dtype)
+    begin[:, :n] = begin[:, n : 2 * n] = start
+    begin[:, -2:] = np.finfo(kernel.dtype).max, 1.0  # any gap is better
+    # The first trial is the start itself.
+    repeat = Repeat(search.name, following.name, gap.name, tolerance, 1 + trials)
+    end, _ = kernel.repeated(repeat)(begin, target, threads=threads)
+    closed = end[:, -2] <= tolerance
+    return np.where(closed[:, None], end[:, n : 2 * n], end[:, :n]), closed

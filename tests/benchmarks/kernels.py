@@ -77,6 +77,10 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
     home = pin.SE3ToXYZQUAT(stp.platform_pose(chain, chain.q_home))
     found_pose = timed("first forward kinematics", lambda: kernels.forward_kinematics(lengths, home))
     near = pose + np.array([0.01, 0.01, 0.01, 0, 0, 0, 0])
+    by_motors = stp.compile_kernels(chain, coordinates="motor")
+    rates = np.einsum("nij,nj->ni", kernels.motor_jacobian(pose), twist)
+    sped, far = rng.normal(size=(N, chain.nu)), lengths.copy()
+    far[::64, ::2] *= 5.0  # out of reach of the others
 
     states = [
         stp.platform_motion(chain, pin.XYZQUATToSE3(p), t, c)
@@ -131,6 +135,9 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
     assert np.abs(reactions - expected).max() < 1e-10 * np.abs(expected).max()
     regressor = kernels.regressor(pose[:FEW], twist[:FEW], acceleration[:FEW])
     assert np.abs(regressor @ kernels.inertial_parameters - tau[:FEW]).max() < 1e-10 * size
+    moved = by_motors.inverse_dynamics(lengths[:FEW], rates[:FEW], a[:, chain.motor_index])
+    assert np.abs(moved - tau[:FEW]).max() < 1e-10 * size
+    assert np.isnan(by_motors.inverse_dynamics(far, rates, sped)[::64]).all()
     assert np.abs(back - acceleration).max() < 1e-9
     assert np.abs(lengths - stp.leg_lengths(hexapod, pose[:, :3], rotation)).max() < 1e-14
     assert np.abs(found_pose - pose).max() < 1e-12
@@ -160,6 +167,9 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
         "six lengths": (lambda: kernels.inverse_kinematics(pose), N),
         "forward kinematics, from home": (lambda: kernels.forward_kinematics(lengths, home), N),
         "forward kinematics, 1 cm beside": (lambda: kernels.forward_kinematics(lengths, near), N),
+        "inverse dynamics, motor coordinates": (lambda: by_motors.inverse_dynamics(lengths, rates, sped), N),
+        "forward dynamics, motor coordinates": (lambda: by_motors.forward_dynamics(lengths, rates, tau), N),
+        "the same, 1 in 64 out of reach": (lambda: by_motors.forward_dynamics(far, rates, tau), N),
     }
     return found, seconds
 

@@ -63,6 +63,75 @@ def test_no_root_is_not_called_closed() -> None:
     assert solved.closed.tolist() == [False, True]
 
 
+def arctangents() -> NewtonEquations:
+    """Solve atan x = target, where full steps run away from |x| > 1.4, and no target beyond π / 2 is in reach."""
+    x, target = ca.SX.sym("x"), ca.SX.sym("target")
+    gap = target - ca.atan(x)
+    close = lambda g: g * (1 + x * x)  # noqa: E731
+    return NewtonEquations(x, target, gap, gap, close=close, move=lambda x, step: x + step)
+
+
+def test_a_trial_is_accepted_or_made_shorter() -> None:
+    damped = newton(arctangents()).damped()
+    best, old, target = 3.0, -12.0, 0.1
+    trials = np.array([[-9.0], [1.0], [-9.0], [np.nan]])
+    shares = np.array([[1.0], [0.25], [1e-4], [1.0]])
+    least = 1.2
+    search = np.hstack([np.full((4, 1), best), trials, np.full((4, 1), old), np.full((4, 1), least), shares])
+    after, gap = damped(search, np.full((4, 1), target))
+    step = (target - np.arctan(1.0)) * 2
+    # The second trial lowers the gap; the third search has become too short to go on.
+    expected = [
+        [best, best + 0.25 * old, old, least, 0.25],
+        [1.0, 1.0 + step, step, np.arctan(1.0) - target, 1.0],
+        [best, best + 0.25e-4 * old, old, least, 0.25e-4],
+    ]
+    np.testing.assert_allclose(after[:3], expected, rtol=1e-14)
+    np.testing.assert_allclose(gap[:3, 0], [least, np.arctan(1.0) - target, 0.0], rtol=1e-14)
+    assert np.isnan(after[3]).all()
+
+
+def damped_by_hand(x: float, target: float) -> float | None:
+    """Solve the same, with a loop and branches."""
+    trial, step, least, share = x, 0.0, np.inf, 1.0
+    for _ in range(61):
+        size = abs(target - np.arctan(trial))
+        if size < least:
+            x, least, share = trial, size, 1.0
+            step = (target - np.arctan(x)) * (1 + x * x)
+        elif share <= 1e-4:
+            return None
+        else:
+            share /= 4
+        trial = x + share * step
+        if least <= 1e-11:
+            return trial
+    return None
+
+
+def test_damped_steps_reach_what_full_ones_run_away_from() -> None:
+    start = np.repeat([1.0, 3.0, 30.0, 300.0], 50)[:, None]
+    target = np.tile(np.linspace(-2.0, 2.0, 50), 4)[:, None]
+    solved = damped_newton(newton(arctangents()), start, target)
+    by_hand = [damped_by_hand(x, t) for x, t in zip(start[:, 0], target[:, 0], strict=True)]
+    expected = np.array([np.nan if x is None else x for x in by_hand])
+    assert 100 < np.isfinite(expected).sum() < 180
+    # Full steps, which come first, reach some more that lie near.
+    assert solved.closed[np.isfinite(expected)].all()
+    assert not solved.closed[np.abs(target[:, 0]) > np.pi / 2].any()
+    both = np.isfinite(expected)
+    np.testing.assert_allclose(solved.states[both, 0], expected[both], rtol=1e-10, atol=1e-10)
+
+
+def test_a_gap_that_is_partly_no_number_is_not_closed() -> None:
+    x, target = ca.SX.sym("x"), ca.SX.sym("target")
+    gap = target - x
+    size = ca.vertcat(gap, ca.sqrt(x - 2))  # no number below 2, zero at 2
+    equations = NewtonEquations(x, target, gap, size, close=lambda g: g, move=lambda x, step: x + step)
+    solved = damped_newton(newton(equations), np.array([[2.5], [2.5]]), np.array([[1.0], [2.0]]))
+    assert solved.closed.tolist() == [False, True]
+
+
 @pytest.mark.parametrize("name", ["stewart", "delta", "hexapod_rss", "rpr_planar"])
 def test_poses_that_come_out_meet_the_motors(name: str, rng: np.random.Generator) -> None:
     """Far guesses, some of them across singularities: whatever pose is given fits, to round-off."""

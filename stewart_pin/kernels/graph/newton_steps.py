@@ -13,6 +13,9 @@ _FORETOLD = 4000.0
 """Four times what the second move is expected to leave, on the scale on which a gap of 1e-11 is closed, so that 1e-14
 of it must be left."""
 _TINY = 1e-300
+_HUGE = 1e300
+_SMALLEST_SHARE = 1e-4
+"""Share of Newton's step below which a search is given up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +45,11 @@ class NewtonEquations:
 
 
 def damped_step(name: str, equations: NewtonEquations) -> ca.Function:
-    """Write a share of one step.
+    """Write one trial of Newton's method with shorter steps where a full one does not lower the gap.
+
+    A search knows the best state so far, the state on trial, Newton's step from the best, the size of its gap, and the
+    share of the step that the trial took. Where the gap of the trial is smaller, it becomes the best, and the next
+    trial takes a full step from there; else a quarter of the last share of the old step.
 
     Parameters
     ----------
@@ -54,15 +61,42 @@ def damped_step(name: str, equations: NewtonEquations) -> ca.Function:
     Returns
     -------
     casadi.Function
-        ``(state, target, share) -> (next, gap)``; the gap is the size of that before the step.
+        ``(search, target) -> (next, gap)``: a search is (2 n + steps + 2, 1), see above. The gap is the best so far,
+        or zero for searches to be given up: their share has become too small to be worth a trial.
     """
-    e, share = equations, ca.SX.sym("share")
-    following = e.move(e.state, share * e.close(e.gap))
+    e = equations
+    step = e.close(e.gap)
+    n, k = e.state.shape[0], step.shape[0]
+    tried = ca.Function("tried", [e.state, e.target], [step, ca.norm_inf(e.size), _is_number(e.size)])
+    search = ca.SX.sym("search", 2 * n + k + 2)
+    best, trial, old, least, share = ca.vertsplit(
+        search, [0, n, 2 * n, 2 * n + k, 2 * n + k + 1, 2 * n + k + 2]
+    )
+    new, size, number = tried.call([trial, e.target])
+    better = ca.logic_and(number, size < least)
+    given_up = ca.logic_and(ca.logic_not(better), share <= _SMALLEST_SHARE)
+    best = _chosen(better, trial, best)
+    old, least = _chosen(better, new, old), _chosen(better, size, least)
+    share = _chosen(better, ca.SX(1), share / 4)
     return shared(
         name,
-        {"state": e.state, "target": e.target, "share": share},
-        {"next": following, "gap": e.size},
+        {"search": search, "target": e.target},
+        {
+            "next": ca.vertcat(best, e.move(best, share * old), old, least, share),
+            "gap": ca.if_else(given_up, 0, least),
+        },
     )
+
+
+def _is_number(size: ca.SX) -> ca.SX:
+    """Whether all entries are numbers: the largest may hide that others are not, their sum does not."""
+    return ca.sum1(ca.fabs(size)) < _HUGE
+
+
+def _chosen(condition: ca.SX, one: ca.SX, other: ca.SX) -> ca.SX:
+    """Choose between vectors; what is not chosen need be no number."""
+    pairs = zip(ca.vertsplit(one), ca.vertsplit(other), strict=True)
+    return ca.vertcat(*(ca.if_else(condition, a, b) for a, b in pairs))
 
 
 def double_step(name: str, equations: NewtonEquations) -> ca.Function:
@@ -86,12 +120,12 @@ def double_step(name: str, equations: NewtonEquations) -> ca.Function:
     """
     e = equations
     between = e.move(e.state, e.close(e.gap))
-    measured = ca.Function("gap", [e.state, e.target], [e.gap, ca.norm_inf(e.size)])
-    gap, size = measured.call([between, e.target])
+    measured = ca.Function("gap", [e.state, e.target], [e.gap, ca.norm_inf(e.size), _is_number(e.size)])
+    gap, size, number = measured.call([between, e.target])
     before = ca.norm_inf(e.size)
     foretold = _FORETOLD * size * size / (before + _TINY)
     return shared(
         name,
         {"state": e.state, "target": e.target},
-        {"next": e.move(between, e.close(gap)), "gap": ca.fmin(size, foretold)},
+        {"next": e.move(between, e.close(gap)), "gap": ca.if_else(number, ca.fmin(size, foretold), 1)},
     )
