@@ -142,7 +142,7 @@ def forward(chain: stp.ClosedChain, shift: np.ndarray, pose, twist, tau: np.ndar
     return np.linalg.solve(np.array(columns).T, tau - bias)
 
 
-# Differences of order 4 at h = 1 mm: (h/size)⁴/30 and eps/h, both below 1e-11 of the efforts per metre.
+# Differences of order 4 at h = 1 mm: (h/size)⁴/30 and eps/h, both below 1e-10 of the efforts per metre.
 @pytest.mark.parametrize("name", ["stewart", pytest.param("stewart_sps", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("verb", "judge"), [("inverse_dynamics", closed_form), ("forward_dynamics", forward)]
@@ -159,15 +159,16 @@ def test_ends_of_legs_against_the_closed_form_of_hexapods(
     # The way is that of the legs: nothing was written for the whole tree.
     assert f"{verb}_by_legs" in kernels.report.operations
     assert f"{verb}_by_tree" not in kernels.report.operations
-    # Differences of the accelerations take seven evaluations each.
-    for k in range(STATES if verb == "inverse_dynamics" else 1):
+    # Accelerations by the closed form take seven evaluations each: there all ends move at once, in two ways.
+    directions = np.eye(36) if verb == "inverse_dynamics" else rng.normal(size=(2, 36))
+    for k in range(STATES):
         columns = []
-        for unit in np.eye(36):
-            shift = unit.reshape(2, 6, 3)
+        for direction in directions:
+            shift = direction.reshape(2, 6, 3)
             columns.append(
                 derivative(lambda t, d=shift, k=k: judge(kernels.chain, t * d, pose[k], twist[k], third[k]))
             )
-        close(found[k], np.transpose(columns), 1e-8)
+        close(found[k] @ directions.T, np.transpose(columns), 1e-8)
 
 
 @pytest.mark.parametrize("name", ["stewart", pytest.param("hexapod_rss", marks=pytest.mark.slow)])
