@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import inspect
 from collections.abc import Callable, Mapping, Sequence
@@ -45,7 +46,7 @@ def sweep_demand(
         Closed chain; or a function of some of the parameters that builds it, for a sweep over designs.
     motion
         Function of the other parameters that gives the samples of a motion, in equal steps of time, a whole number of
-        periods for means. If it has a parameter ``chain``, it is given the chain.
+        periods for means. If it has a parameter ``chain`` that is not bound, it is given the chain.
     axes
         Values along each axis, by the name of its parameter: numbers or strings [any unit].
     paired
@@ -134,20 +135,28 @@ def _parameters(
     if (unknown := [name for name in names if name not in (*of_chain, *of_motion)]) or "chain" in names:
         raise InputError(
             f"axis {(unknown or ['chain'])[0]!r} is no parameter of the motion {function_name(motion)}"
-            f"{inspect.signature(motion)}" + (" or of the chain" if callable(chain) else "")
+            f"{_signature(motion)}" + (" or of the chain" if callable(chain) else "")
         )
-    if "chain" in inspect.signature(motion).parameters:
+    bound = motion.keywords if isinstance(motion, functools.partial) else {}
+    if "chain" in _signature(motion).parameters and "chain" not in bound:
         of_motion.append("chain")
     require_parameters(motion, of_motion, what="motion")
     return tuple(of_chain), tuple(of_motion)
 
 
 def _taken(function: Callable[..., Any], names: Sequence[str]) -> list[str]:
-    parameters = inspect.signature(function).parameters.values()
+    parameters = _signature(function).parameters.values()
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
         return list(names)
     known = {parameter.name for parameter in parameters}
     return [name for name in names if name in known]
+
+
+def _signature(function: Callable[..., Any]) -> inspect.Signature:
+    try:
+        return inspect.signature(function)
+    except (TypeError, ValueError):  # some functions written in C do not say what they take
+        return inspect.Signature([inspect.Parameter("any", inspect.Parameter.VAR_KEYWORD)])
 
 
 def _name(chain: ClosedChain | Callable[..., ClosedChain], motion: Callable[..., Any]) -> str:

@@ -319,6 +319,22 @@ def test_threads_compile_without_harm() -> None:
         same(found, stp.sweep_demand(chain, motion, axes, kernels=True))
 
 
+def test_a_chain_that_is_bound_to_the_motion_stays() -> None:
+    """So that one robot can be asked for the motion that another makes about its own home."""
+    chain, other = robot("stewart"), stp.massless_legs(stp.load("stewart_cad"))
+    home = stp.platform_pose(other, other.q_home).translation
+    asked: list[np.ndarray] = []
+
+    def motion(amplitude: float, chain: stp.ClosedChain) -> stp.PlatformSamples:
+        asked.append(stp.platform_pose(chain, chain.q_home).translation)
+        return shake(robot("stewart"), amplitude, 1.0)
+
+    stp.sweep_demand(chain, functools.partial(motion, chain=other), {"amplitude": [0.01]})
+    np.testing.assert_array_equal(asked[-1], home)
+    stp.sweep_demand(chain, motion, {"amplitude": [0.01]})
+    np.testing.assert_array_equal(asked[-1], stp.platform_pose(chain, chain.q_home).translation)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
