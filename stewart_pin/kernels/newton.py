@@ -15,6 +15,8 @@ _CLOSED = 1e-11
 """Gap at which a row is closed, in robot sizes and radians: a few hundred units of round-off."""
 _CLOSED_SINGLE = 1e-5
 """The same in single precision."""
+_ANY_GAP = 1e30
+"""Larger than any, and a number in single precision too."""
 _DOUBLE_STEPS = 6
 """Double steps before the rows that have not closed by then are damped."""
 
@@ -155,7 +157,7 @@ def _damped(
     n = start.shape[1]
     begin = np.zeros((len(start), search.size), dtype=kernel.dtype)
     begin[:, :n] = begin[:, n : 2 * n] = start
-    begin[:, -2:] = np.finfo(kernel.dtype).max, 1.0  # any gap is better
+    begin[:, -2:] = _ANY_GAP, 1.0
     # The first trial is the start itself.
     repeat = Repeat(search.name, following.name, gap.name, tolerance, 1 + trials)
     end, _ = kernel.repeated(repeat)(begin, target, threads=threads)
