@@ -184,3 +184,18 @@ def test_moving_everything_moves_nothing(name: str, rng: np.random.Generator) ->
     )
     found = kernels.inverse_dynamics_geometry(*motion, along=together)
     close(found, -kernels.inverse_dynamics_derivatives(*motion)[0][:, :3], 1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_machine_code_of_all_parameters_of_a_hexapod(dtype: type, rng: np.random.Generator) -> None:
+    """Fifty thousand operations in one function, after its Newton steps: as the closed forms of the legs have it."""
+    kernels = stp.compile_kernels(robot("stewart"), dtype=dtype)
+    motion = motion_of_platform(rng)
+    every = kernels.inverse_dynamics_geometry(*motion)
+    assert every.shape == (STATES, 6, 180)
+    assert np.isfinite(every).all()
+    ends = leg_ends(kernels)
+    places = [kernels.geometry_parameters.index(p) for p in ends]
+    by_legs = kernels.inverse_dynamics_geometry(*motion, along=ends)
+    close(every[..., places], by_legs, 1e-10 if dtype is np.float64 else 1e-3)

@@ -115,7 +115,11 @@ class GeometryVerbs(Caller):
 
     @property
     def geometry_held(self) -> tuple[str, ...]:
-        """Names of the coordinates that are held while the geometry changes; the others follow from the loops."""
+        """Names of the coordinates that are held while the geometry changes; the others follow from the loops.
+
+        Of the platform's motion as many components as it has freedoms, position before rotation; of the motors as many
+        as are independent; of whole states the joint coordinates that are independent around home.
+        """
         return self._functions.held.names
 
     @property
