@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import casadi as ca
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
 from stewart_pin.kernels.compile_function import compile_function
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step
+from stewart_pin.kernels.graph.platform_dynamics import place_platform
+from stewart_pin.kernels.graph.platform_kinematics import pose_equations
 from stewart_pin.kernels.newton import NewtonSteps, damped_newton
+from stewart_pin.kernels.plan import plan_platform
 from stewart_pin.kernels.status import StateStatus
 from tests.closed_states import robot
 from tests.kernels.hexapod_graph import sample_states
@@ -130,6 +134,20 @@ def test_a_gap_that_is_partly_no_number_is_not_closed() -> None:
     equations = NewtonEquations(x, target, gap, size, close=lambda g: g, move=lambda x, step: x + step)
     solved = damped_newton(newton(equations), np.array([[2.5], [2.5]]), np.array([[1.0], [2.0]]))
     assert solved.closed.tolist() == [False, True]
+
+
+def test_motors_that_turn_count_modulo_a_turn() -> None:
+    chain = robot("delta")
+    equations = pose_equations(place_platform(plan_platform(chain)))
+    gap = ca.Function("gap", [equations.state, equations.target], [equations.gap])
+    home = pin.SE3ToXYZQUAT(stp.platform_pose(chain, chain.q_home))
+    for off, short in ((1e-6, 1e-6), (-0.3, -2 * np.sin(0.15)), (2 * np.pi + 0.3, 2 * np.sin(0.15))):
+        found = np.array(gap(home, stp.motor_positions(chain, chain.q_home) + off)).ravel()
+        np.testing.assert_allclose(found, short, rtol=1e-9)
+    # Half a turn is as far as a motor can be off, and not to be taken for none.
+    for off in (np.pi, np.pi - 1e-8, np.pi + 1e-8):
+        found = np.array(gap(home, stp.motor_positions(chain, chain.q_home) + off)).ravel()
+        np.testing.assert_allclose(np.abs(found), 2.0, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["stewart", "delta", "hexapod_rss", "rpr_planar"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
@@ -33,7 +35,17 @@ def motor_position_expressions(placed: PlacedPlatform) -> ca.SX:
     UnsupportedError
         If a motor drives a joint whose position does not follow from the pose.
     """
-    found: dict[int, ca.SX] = {}
+    q_home, found = placed.plan.chain.q_home[list(placed.plan.tree.motors_q)], []
+    for home, value in zip(q_home, _motor_values(placed), strict=True):
+        if isinstance(value, tuple):
+            value = float(home) + ca.atan2(*_turned_back(value, np.cos(home), np.sin(home)))
+        found.append(value)
+    return ca.vertcat(*found)
+
+
+def _motor_values(placed: PlacedPlatform) -> list[ca.SX | tuple[ca.SX, ca.SX]]:
+    """Positions of the motors, of those that turn as cosine and sine."""
+    found: dict[int, ca.SX | tuple[ca.SX, ca.SX]] = {}
     for leg in placed.legs:
         for motor, entry in leg.leg.motors:
             k = next(k for k, joint in enumerate(leg.leg.joints) if joint.v.start == entry)
@@ -41,13 +53,13 @@ def motor_position_expressions(placed: PlacedPlatform) -> ca.SX:
             if k not in leg.positions.values:
                 raise UnsupportedError(f"the position of motor '{joint.name}' does not follow from the pose")
             value = leg.positions.values[k]
-            if joint.kind is JointKind.REVOLUTE:
-                home = float(leg.leg.home[k][0])
-                cosine, sine = np.cos(home), np.sin(home)
-                off = value[1] * cosine - value[0] * sine, value[0] * cosine + value[1] * sine
-                value = home + ca.atan2(*off)
-            found[motor] = value
-    return ca.vertcat(*(found[k] for k in range(len(placed.plan.tree.motors))))
+            found[motor] = (value[0], value[1]) if joint.kind is JointKind.REVOLUTE else value
+    return [found[k] for k in range(len(placed.plan.tree.motors))]
+
+
+def _turned_back(angle: tuple[ca.SX, ca.SX], cosine: Any, sine: Any) -> tuple[ca.SX, ca.SX]:
+    """Sine and cosine of an angle less another."""
+    return angle[1] * cosine - angle[0] * sine, angle[0] * cosine + angle[1] * sine
 
 
 def inverse_kinematics_function(placed: PlacedPlatform) -> ca.Function:
@@ -102,9 +114,7 @@ def pose_equations(placed: PlacedPlatform) -> NewtonEquations:
     """
     tree, twists = placed.plan.tree, placed.plan.twists
     q_motor = ca.SX.sym("q_motor", len(tree.motors))
-    gap = q_motor - motor_position_expressions(placed)
-    turns = _turns(placed)
-    gap = ca.vertcat(*(_wrapped(gap[k]) if turn else gap[k] for k, turn in enumerate(turns)))
+    gap = ca.vertcat(*(_short_of(q_motor[k], value) for k, value in enumerate(_motor_values(placed))))
     size = placed.plan.chain.tangent_scale[list(tree.motors)]
     jacobian = motor_columns(placed).T @ constant(twists)
     weighted = None
@@ -133,11 +143,12 @@ def _moved(pose: ca.SX, step: ca.SX) -> ca.SX:
     return ca.vertcat(pose[:3] + step[:3], turned_by_small(pose[3:], step[3:]))
 
 
-def _turns(placed: PlacedPlatform) -> list[bool]:
-    """Whether each motor turns."""
-    joints = {joint.v.start: joint for joint in placed.plan.tree.joints}
-    return [joints[index].kind is JointKind.REVOLUTE for index in placed.plan.tree.motors]
-
-
-def _wrapped(angle: ca.SX) -> ca.SX:
-    return ca.atan2(ca.sin(angle), ca.cos(angle))
+def _short_of(target: ca.SX, value: ca.SX | tuple[ca.SX, ca.SX]) -> ca.SX:
+    """How far a motor is from its target, to the second order."""
+    if not isinstance(value, tuple):
+        return target - value
+    sine, cosine = _turned_back(value, ca.cos(target), ca.sin(target))
+    # 2 sin(angle / 2), which sees half a turn, where the sine alone is zero; an arctangent would cost more.
+    far = cosine < 0
+    size = ca.sqrt(ca.if_else(far, 2 * (1 - cosine), 2 / (1 + cosine)))
+    return -ca.if_else(far, ca.copysign(1, sine), sine) * size
