@@ -202,6 +202,19 @@ def test_a_demand_that_the_platform_cannot_follow_has_a_code(name: str, rng: np.
     assert status[1] != StateStatus.OK
 
 
+@pytest.mark.parametrize("name", ["four_bar", "five_bar"])
+@pytest.mark.parametrize("axis", np.eye(3))
+def test_a_platform_half_a_turn_off_is_not_taken_for_the_pose(name: str, axis: np.ndarray) -> None:
+    # At home, and turned by exactly half a turn: the sine of the error vanishes, and all loops are closed.
+    many = kernels(name)
+    home = stp.platform_pose(many.chain, many.chain.q_home)
+    turned = pin.SE3ToXYZQUAT(pin.SE3(pin.exp3(np.pi * axis) @ home.rotation, home.translation))
+    status = np.empty(2, dtype=np.int8)
+    found = many.inverse_kinematics(np.array([turned, pin.SE3ToXYZQUAT(home)]), status=status)
+    assert status.tolist() == [StateStatus.OUT_OF_BOUNDS, StateStatus.OK]
+    assert np.isnan(found[0]).all()
+
+
 def test_one_state_and_many(rng: np.random.Generator) -> None:
     for name in ("stewart", "four_bar"):
         many = kernels(name)

@@ -300,14 +300,16 @@ def closing_equations(driven: DrivenTree) -> NewtonEquations:
     Returns
     -------
     NewtonEquations
-        Of the configuration, (nq, 1), and the target: (7, 1) pose or (nu, 1) motor positions. The last entry of the
-        size is 1 where a loop has closed with its axes opposed.
+        Of the configuration, (nq, 1), and the target: (7, 1) pose or (nu, 1) motor positions. The last entries of
+        the size are 1 where a loop has closed with its axes opposed, or the platform is half a turn off.
     """
     closed, tree, chain = driven.closed, driven.closed.tree, driven.closed.chain
     loops = loop_gaps(tree, closed.at, closed.q)
+    opposed = opposed_axes(tree, closed.at)
     if driven.coordinates == "platform":
         target = ca.SX.sym("target", 7)
-        off, sizes = _pose_error(closed, target), np.repeat([chain.length_scale, 1.0], 3)
+        (off, cosine), sizes = _pose_error(closed, target), np.repeat([chain.length_scale, 1.0], 3)
+        opposed = ca.vertcat(opposed, ca.fmax(-cosine, 0))
     else:
         target = ca.SX.sym("target", len(tree.motors))
         off, sizes = closed.q[list(tree.motors_q)] - target, _motor_sizes(closed)
@@ -316,20 +318,20 @@ def closing_equations(driven: DrivenTree) -> NewtonEquations:
         state=closed.q,
         target=target,
         gap=ca.vertcat(closed.columns.turn.T @ loops, off),
-        size=ca.vertcat(scaled, opposed_axes(tree, closed.at)),
+        size=ca.vertcat(scaled, opposed),
         close=lambda gap: driven.reduced.transposed(-gap),
         move=lambda q, step: integrated(tree, q, step),
     )
 
 
-def _pose_error(closed: ClosedTree, target: ca.SX) -> ca.SX:
-    """Position error, and rotation vector of the error in world axes, to the second order."""
+def _pose_error(closed: ClosedTree, target: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Position error, and rotation vector of the error in world axes, to the second order; cosine of its angle."""
     position, rotation = platform_placement(closed)
     turn = rotation @ turn_from_quaternion(target[3:]).T
     half = ca.vertcat(turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]) / 2
-    # The sine of the angle alone would leave half a turn unseen: 2 sin(angle / 2) along the same axis.
+    # 2 sin(angle / 2) along the axis of the sine; at exactly half a turn the sine has no axis and this vanishes.
     cosine = (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1) / 2
-    return ca.vertcat(position - target[:3], half * ca.sqrt(2 / ca.fmax(1 + cosine, 1e-6)))
+    return ca.vertcat(position - target[:3], half * ca.sqrt(2 / ca.fmax(1 + cosine, 1e-6))), cosine
 
 
 def integrated(tree: Tree, q: ca.SX, step: ca.SX) -> ca.SX:
