@@ -62,8 +62,11 @@ def test_what_is_done_is_not_done_again(
     assert points == [] and told == [("points", 30, 30)] and path.read_bytes() == written
 
 
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT], ids=["killed", "interrupted"])
 @pytest.mark.parametrize("workers", [0, 2])
-def test_a_killed_sweep_goes_on_as_if_nothing_had_been(path: Path, workers: int) -> None:
+def test_a_sweep_that_was_ended_goes_on_as_if_nothing_had_been(
+    path: Path, workers: int, how: signal.Signals
+) -> None:
     script = (
         "from concurrent.futures import ProcessPoolExecutor\n"
         "import stewart_pin as stp, numpy as np\n"
@@ -73,14 +76,16 @@ def test_a_killed_sweep_goes_on_as_if_nothing_had_been(path: Path, workers: int)
         f"stp.sweep(functions.slow_wave, axes, journal={str(path)!r}, executor=pool)\n"
     )
     # A group of its own, so that workers whose parent is gone can be ended as well.
-    child = subprocess.Popen([sys.executable, "-c", script], cwd=ROOT, start_new_session=True)
+    child = subprocess.Popen(
+        [sys.executable, "-c", script], cwd=ROOT, start_new_session=True, stderr=subprocess.DEVNULL
+    )
     try:
         begin = time.monotonic()
         while not path.exists() or path.read_bytes().count(b"\n") < 25:
             assert child.poll() is None and time.monotonic() - begin < 60
             time.sleep(0.005)
-        child.kill()
-        assert child.wait() == -signal.SIGKILL
+        child.send_signal(how)
+        assert child.wait(timeout=30) == -how
         lines = path.read_bytes().count(b"\n")
         assert 25 <= lines < 500
         axes = {"a": np.linspace(0.1, 2.3, 30), "b": np.geomspace(0.3, 4.0, 20)}
