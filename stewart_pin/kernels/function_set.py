@@ -19,26 +19,25 @@ from stewart_pin.kernels.graph import (
     conditioning,
     driven_platform,
     driven_tree,
-    leg_reactions,
     platform_dynamics,
     platform_frame,
     platform_kinematics,
     state_functions,
     whole_tree,
 )
-from stewart_pin.kernels.graph.derivatives import dynamics_derivatives, platform_derivatives
+from stewart_pin.kernels.graph.derivatives import dynamics_derivatives
 from stewart_pin.kernels.graph.driven_platform import DrivenPlatform
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
-from stewart_pin.kernels.graph.geometry_by_legs import leg_displacements, leg_geometry_derivatives
+from stewart_pin.kernels.graph.geometry_by_legs import leg_displacements
 from stewart_pin.kernels.graph.geometry_by_tree import tree_geometry_derivatives
 from stewart_pin.kernels.graph.held_motion import HeldMotion, hold
-from stewart_pin.kernels.graph.leg_regressor import platform_regressor
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.projection import projection_function
 from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.idle_freedoms import require_idle_without_effect
+from stewart_pin.kernels.leg_functions import BY_LEGS, DERIVATIVES, LEG_FUNCTIONS, leg_function
 from stewart_pin.kernels.mobile_displacements import MobileDisplacements, mobile_displacements
 from stewart_pin.kernels.plan import plan_platform
 from stewart_pin.kernels.samples import closed_samples
@@ -48,15 +47,6 @@ from stewart_pin.typing import FloatArray
 
 Coordinates = Literal["platform", "motor", "tree"]
 
-_LEGS: dict[str, Callable[[PlacedPlatform], ca.Function]] = {
-    "inverse_dynamics": platform_dynamics.inverse_dynamics_function,
-    "forward_dynamics": platform_dynamics.forward_dynamics_function,
-    "inverse_kinematics": platform_kinematics.inverse_kinematics_function,
-    "motor_jacobian": platform_kinematics.motor_jacobian_function,
-    "conditioning": conditioning.platform_conditioning,
-    "regressor": platform_regressor,
-    "reactions": leg_reactions.reactions_function,
-}
 _DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
     "inverse_dynamics": driven_tree.driven_inverse_dynamics,
     "forward_dynamics": driven_tree.driven_forward_dynamics,
@@ -82,12 +72,10 @@ _STEPS: dict[str, Callable[[str, NewtonEquations], ca.Function]] = {
     "_double_step": double_step,
     "_step": damped_step,
 }
-_DERIVATIVES = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives")
 _HELD = ("inverse_dynamics", "reactions", "regressor")
 """What the motors hold: their share of the forces is solved for."""
 _FOLLOWING = ("forward_dynamics", "motor_jacobian")
 _BY_TREE = ("inverse_dynamics_by_tree", "forward_dynamics_by_tree")
-_BY_LEGS = ("inverse_dynamics_by_legs", "forward_dynamics_by_legs")
 
 
 class FunctionSet:
@@ -180,9 +168,9 @@ class FunctionSet:
         elif self.placed is None:
             own = [*_DRIVEN]
         else:
-            own = [*_LEGS, *(_BY_LEGS if self.leg_displacements else ())]
+            own = [*LEG_FUNCTIONS, *(BY_LEGS if self.leg_displacements else ())]
         steps = (equations + kind for equations in self._equations for kind in _STEPS)
-        return (*own, *steps, *_DERIVATIVES, *_BY_TREE, *_TREE)
+        return (*own, *steps, *DERIVATIVES, *_BY_TREE, *_TREE)
 
     @cached_property
     def _equations(self) -> dict[str, Callable[[], NewtonEquations]]:
@@ -266,36 +254,13 @@ class FunctionSet:
                 return write(name, self._equations[name.removesuffix(kind)]())
         if self.placed is not None:
             try:
-                return self._by_legs(self.placed, name)
+                return leg_function(name, self.placed, self.driven_platform)
             except UnsupportedError:
                 if name != "reactions":  # whose rows may need the whole configuration, or the norm over it
                     raise
-        if name in _DERIVATIVES:
+        if name in DERIVATIVES:
             return dynamics_derivatives(self.function(name.removesuffix("_derivatives")), self.driven)
         return _DRIVEN[name](self.driven)
-
-    def _by_legs(self, placed: PlacedPlatform, name: str) -> ca.Function:
-        """Write a function of the pose, and of the motion of the platform or of the motors."""
-        driven = self.driven_platform
-        if driven is None:
-            return self._of_platform(placed, name)
-        if name == "conditioning":
-            return conditioning.platform_conditioning(placed, driving=driven.reduced)
-        if name in _DERIVATIVES:
-            verb = self._of_platform(placed, name.removesuffix("_derivatives"))
-            return driven_platform.derivatives_by_motors(driven, verb, self._of_platform(placed, name))
-        return driven_platform.by_motors(driven, self._of_platform(placed, name))
-
-    def _of_platform(self, placed: PlacedPlatform, name: str) -> ca.Function:
-        """Write a function of the platform's motion."""
-        if name in _BY_LEGS:
-            return leg_geometry_derivatives(placed, name.removesuffix("_by_legs"))
-        if name not in _DERIVATIVES:
-            return _LEGS[name](placed)
-        verb = name.removesuffix("_derivatives")
-        if self.freedoms == self.chain.nu:
-            return platform_derivatives(placed, verb)
-        return dynamics_derivatives(_LEGS[verb](placed), None)
 
     def conditioning_of(self, name: str, function: ca.Function) -> ca.Function | None:
         """Write the conditioning of the states of a function.
