@@ -85,16 +85,16 @@ from stewart_pin.geometry.serial import planar_arm_pose as planar_arm_pose
 from stewart_pin.geometry.serial_velocities import LinkVelocities as LinkVelocities
 from stewart_pin.geometry.serial_velocities import spatial_arm_jacobian as spatial_arm_jacobian
 from stewart_pin.geometry.serial_velocities import spatial_arm_velocities as spatial_arm_velocities
-from stewart_pin.kernels.array_kernel import ArrayKernel as ArrayKernel
 from stewart_pin.kernels.compile import compile_kernels as compile_kernels
 from stewart_pin.kernels.compile_function import compile_function as compile_function
 from stewart_pin.kernels.kernels import Kernels as Kernels
-from stewart_pin.kernels.repeating import Repeat as Repeat
+from stewart_pin.kernels.programs.repeating import Repeat as Repeat
+from stewart_pin.kernels.programs.status import StateBound as StateBound
+from stewart_pin.kernels.programs.status import StateStatus as StateStatus
 from stewart_pin.kernels.report import KernelReport as KernelReport
 from stewart_pin.kernels.report import PlanBlock as PlanBlock
-from stewart_pin.kernels.single_state import SingleState as SingleState
-from stewart_pin.kernels.status import StateBound as StateBound
-from stewart_pin.kernels.status import StateStatus as StateStatus
+from stewart_pin.kernels.running.array_kernel import ArrayKernel as ArrayKernel
+from stewart_pin.kernels.running.single_state import SingleState as SingleState
 from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion as BaseMotion
 from stewart_pin.mechanics.articulated_body.loops import (
     closed_chain_articulated_body as closed_chain_articulated_body,

@@ -17,12 +17,12 @@ from stewart_pin.errors import (
     UnsupportedError,
 )
 from stewart_pin.kernels.compile import compile_kernels
-from stewart_pin.kernels.instructions import program_from_casadi
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.kernels.preparing import prepare
-from stewart_pin.kernels.program import Program
-from stewart_pin.kernels.single_state import SingleState
-from stewart_pin.kernels.status import StateBound
+from stewart_pin.kernels.programs.instructions import program_from_casadi
+from stewart_pin.kernels.programs.preparing import prepare
+from stewart_pin.kernels.programs.program import Program
+from stewart_pin.kernels.programs.status import StateBound
+from stewart_pin.kernels.running.single_state import SingleState
 from stewart_pin.model.chain import ClosedChain
 
 MANY_CALLS = 50_000

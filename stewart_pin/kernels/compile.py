@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError, MissingExtraError
-from stewart_pin.kernels.array_kernel import Engine
 from stewart_pin.kernels.kernels import Kernels
+from stewart_pin.kernels.running.array_kernel import Engine
 from stewart_pin.model.chain import ClosedChain
 
 
@@ -59,7 +59,7 @@ def compile_kernels(
     if coordinates not in ("platform", "motor", "tree"):
         raise InputError(f"coordinates must be 'platform', 'motor' or 'tree', got {coordinates!r}")
     try:
-        from stewart_pin.kernels.function_set import FunctionSet  # noqa: PLC0415 - needs CasADi
+        from stewart_pin.kernels.graph.function_set import FunctionSet  # noqa: PLC0415 - needs CasADi
     except ImportError as error:
         if error.name != "casadi":
             raise

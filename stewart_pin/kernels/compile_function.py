@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
-from stewart_pin.kernels.array_kernel import ArrayKernel, Engine
-from stewart_pin.kernels.instructions import program_from_casadi
-from stewart_pin.kernels.preparing import prepare
-from stewart_pin.kernels.repeating import Repeat
-from stewart_pin.kernels.status import StateBound
+from stewart_pin.kernels.programs.instructions import program_from_casadi
+from stewart_pin.kernels.programs.preparing import prepare
+from stewart_pin.kernels.programs.repeating import Repeat
+from stewart_pin.kernels.programs.status import StateBound
+from stewart_pin.kernels.running.array_kernel import ArrayKernel, Engine
 
 
 def compile_function(

@@ -6,8 +6,8 @@ from typing import Any
 
 from numpy.typing import DTypeLike
 
-from stewart_pin.kernels.array_kernel import Engine
 from stewart_pin.kernels.report import KernelReport, count_operations, plan_blocks
+from stewart_pin.kernels.running.array_kernel import Engine
 from stewart_pin.kernels.verbs.derivatives import DerivativeVerbs
 from stewart_pin.kernels.verbs.dynamics import DynamicsVerbs
 from stewart_pin.kernels.verbs.geometry import GeometryVerbs
@@ -82,6 +82,6 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
 
 
 def _rebuilt(chain: ClosedChain, coordinates: Any, dtype: DTypeLike, engine: Engine | None) -> Kernels:
-    from stewart_pin.kernels.function_set import FunctionSet  # noqa: PLC0415 - needs CasADi
+    from stewart_pin.kernels.graph.function_set import FunctionSet  # noqa: PLC0415 - needs CasADi
 
     return Kernels(FunctionSet(chain, coordinates), dtype, engine)

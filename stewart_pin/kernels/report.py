@@ -11,9 +11,9 @@ import numpy as np
 from stewart_pin.mechanics.freedom import TWIST_AXES
 
 if TYPE_CHECKING:
-    from stewart_pin.kernels.elimination import Pivots
-    from stewart_pin.kernels.function_set import FunctionSet
+    from stewart_pin.kernels.graph.function_set import FunctionSet
     from stewart_pin.kernels.graph.legs import PlacedLeg
+    from stewart_pin.kernels.planning.elimination import Pivots
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
 from stewart_pin.geometry.leg_motion import leg_rates
 from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.kernels.status import StateStatus
+from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import State, inverse_kinematics, platform_motion, platform_pose
 from stewart_pin.model.chain import ClosedChain

@@ -5,10 +5,10 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from stewart_pin.kernels.instructions import program_from_casadi
-from stewart_pin.kernels.passes import drop_dead
-from stewart_pin.kernels.program import Instruction, Kind, Port, Program, n_operands
-from stewart_pin.kernels.program_builder import ProgramBuilder
+from stewart_pin.kernels.programs.instructions import program_from_casadi
+from stewart_pin.kernels.programs.passes import drop_dead
+from stewart_pin.kernels.programs.program import Instruction, Kind, Port, Program, n_operands
+from stewart_pin.kernels.programs.program_builder import ProgramBuilder
 from tests.kernels.hexapod_graph import eliminate
 
 EPS = np.finfo(np.float64).eps

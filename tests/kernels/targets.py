@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from stewart_pin.kernels.target import Target, host_target, narrow_target
+from stewart_pin.kernels.llvm.target import Target, host_target, narrow_target
 
 pytest.importorskip("llvmlite")
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from stewart_pin.kernels.array_kernel import ArrayKernel
-from stewart_pin.kernels.program import Kind
+from stewart_pin.kernels.programs.program import Kind
+from stewart_pin.kernels.running.array_kernel import ArrayKernel
 from tests.kernels.programs import one_operation
 from tests.kernels.targets import TARGETS
 

@@ -15,13 +15,14 @@ import numpy as np
 import pytest
 
 from stewart_pin.errors import InputError, MissingExtraError
-from stewart_pin.kernels import array_kernel, target
-from stewart_pin.kernels.array_kernel import ArrayKernel
 from stewart_pin.kernels.compile_function import compile_function
-from stewart_pin.kernels.instructions import program_from_casadi
-from stewart_pin.kernels.preparing import prepare
-from stewart_pin.kernels.program import Program
-from stewart_pin.kernels.status import StateBound, StateStatus
+from stewart_pin.kernels.llvm import target
+from stewart_pin.kernels.programs.instructions import program_from_casadi
+from stewart_pin.kernels.programs.preparing import prepare
+from stewart_pin.kernels.programs.program import Program
+from stewart_pin.kernels.programs.status import StateBound, StateStatus
+from stewart_pin.kernels.running import array_kernel
+from stewart_pin.kernels.running.array_kernel import ArrayKernel
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 
 pytest.importorskip("llvmlite")

@@ -11,7 +11,7 @@ import weakref
 import pytest
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.machine_code import assembly, compile_for_one, object_file
+from stewart_pin.kernels.llvm.machine_code import assembly, compile_for_one, object_file
 from tests.kernels.targets import TARGETS
 
 pytest.importorskip("llvmlite")
@@ -83,7 +83,7 @@ define void @run() {
 def test_the_interpreter_waits_for_a_daemon_thread_inside_llvm() -> None:
     script = """
 import os, threading, time
-from stewart_pin.kernels.llvm_session import inside_llvm
+from stewart_pin.kernels.llvm.session import inside_llvm
 inside = threading.Event()
 def work():
     with inside_llvm():
@@ -103,7 +103,7 @@ inside.wait()
 def test_a_process_forked_while_a_thread_compiles_can_compile() -> None:
     script = """
 import os, threading, time
-from stewart_pin.kernels.llvm_session import inside_llvm
+from stewart_pin.kernels.llvm.session import inside_llvm
 inside = threading.Event()
 def work():
     with inside_llvm():
@@ -134,8 +134,8 @@ def test_a_process_ends_well_while_a_daemon_thread_compiles() -> None:
 import ctypes, threading
 libc = ctypes.CDLL(None)
 libc["__cxa_atexit"](libc.usleep, ctypes.c_void_p(1_000_000), None)
-from stewart_pin.kernels.machine_code import compile_for_one
-from stewart_pin.kernels.target import host_target, load_llvm
+from stewart_pin.kernels.llvm.machine_code import compile_for_one
+from stewart_pin.kernels.llvm.target import host_target, load_llvm
 lines = "".join(f"  %x{k + 1} = fadd double %x{k}, {k}.0\\n" for k in range(100))
 one = "define void @{}() {{\\n  %x0 = load double, ptr null\\n" + lines
 one += "  store double %x100, ptr null\\n  ret void\\n}}\\n"

@@ -10,15 +10,14 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels import function_set
 from stewart_pin.kernels.compile import compile_kernels
-from stewart_pin.kernels.graph import platform_dynamics
+from stewart_pin.kernels.graph import function_set, platform_dynamics
 from stewart_pin.kernels.graph.driven_platform import DrivenPlatform, by_motors, drive_platform
 from stewart_pin.kernels.graph.leg_reactions import reactions_function
 from stewart_pin.kernels.graph.platform_dynamics import place_platform
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.kernels.plan import plan_platform
-from stewart_pin.kernels.status import StateStatus
+from stewart_pin.kernels.planning.plan import plan_platform
+from stewart_pin.kernels.programs.status import StateStatus
 from tests.closed_states import close, derivative, robot
 from tests.kernels.platforms import PLATFORMS, motor_to_spare
 from tests.kernels.test_compile import kernels

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.kernels.instructions import program_from_casadi
-from stewart_pin.kernels.interpreter import run_program
-from stewart_pin.kernels.program import Kind, operation_counts, require_output
+from stewart_pin.kernels.programs.instructions import program_from_casadi
+from stewart_pin.kernels.programs.interpreter import run_program
+from stewart_pin.kernels.programs.program import Kind, operation_counts, require_output
 
 
 def evaluated_by_casadi(function: ca.Function, inputs: list[np.ndarray]) -> list[np.ndarray]:

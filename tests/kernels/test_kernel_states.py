@@ -10,8 +10,8 @@ import stewart_pin as stp
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.graph.derivatives import configuration_chart
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.kernels.status import StateStatus
-from stewart_pin.kernels.tree import tree_of
+from stewart_pin.kernels.planning.tree import tree_of
+from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.model.loop_rows import orthonormal_triad
 from tests import mechanisms

@@ -7,15 +7,15 @@ import re
 import numpy as np
 import pytest
 
-from stewart_pin.kernels.array_kernel import ArrayKernel
-from stewart_pin.kernels.instructions import program_from_casadi
-from stewart_pin.kernels.interpreter import run_program
-from stewart_pin.kernels.llvm_module import module_for_ranges
-from stewart_pin.kernels.machine_code import assembly
-from stewart_pin.kernels.preparing import prepare
-from stewart_pin.kernels.program import LIBRARY, Kind, Port, Program, operation_counts
-from stewart_pin.kernels.program_builder import ProgramBuilder
-from stewart_pin.kernels.target import Target, load_llvm
+from stewart_pin.kernels.llvm.machine_code import assembly
+from stewart_pin.kernels.llvm.module import module_for_ranges
+from stewart_pin.kernels.llvm.target import Target, load_llvm
+from stewart_pin.kernels.programs.instructions import program_from_casadi
+from stewart_pin.kernels.programs.interpreter import run_program
+from stewart_pin.kernels.programs.preparing import prepare
+from stewart_pin.kernels.programs.program import LIBRARY, Kind, Port, Program, operation_counts
+from stewart_pin.kernels.programs.program_builder import ProgramBuilder
+from stewart_pin.kernels.running.array_kernel import ArrayKernel
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 from tests.kernels.programs import (
     dense_solve,

@@ -12,9 +12,9 @@ from stewart_pin.kernels.compile_function import compile_function
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step
 from stewart_pin.kernels.graph.platform_dynamics import place_platform
 from stewart_pin.kernels.graph.platform_kinematics import pose_equations
-from stewart_pin.kernels.newton import NewtonSteps, damped_newton
-from stewart_pin.kernels.plan import plan_platform
-from stewart_pin.kernels.status import StateStatus
+from stewart_pin.kernels.planning.plan import plan_platform
+from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.kernels.verbs.newton import NewtonSteps, damped_newton
 from tests.closed_states import robot
 from tests.kernels.hexapod_graph import sample_states
 from tests.kernels.test_compile import kernels

@@ -8,13 +8,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from stewart_pin.kernels.fusing import fuse
-from stewart_pin.kernels.instructions import program_from_casadi
-from stewart_pin.kernels.interpreter import run_program
-from stewart_pin.kernels.passes import drop_dead, simplify
-from stewart_pin.kernels.preparing import prepare
-from stewart_pin.kernels.program import Kind, Program, n_operations, operation_counts
-from stewart_pin.kernels.reciprocals import share_reciprocals
+from stewart_pin.kernels.programs.fusing import fuse
+from stewart_pin.kernels.programs.instructions import program_from_casadi
+from stewart_pin.kernels.programs.interpreter import run_program
+from stewart_pin.kernels.programs.passes import drop_dead, simplify
+from stewart_pin.kernels.programs.preparing import prepare
+from stewart_pin.kernels.programs.program import Kind, Program, n_operations, operation_counts
+from stewart_pin.kernels.programs.reciprocals import share_reciprocals
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 from tests.kernels.programs import random_program, round_off, unpolished_program
 

@@ -18,7 +18,7 @@ from stewart_pin.kernels.graph.platform_dynamics import (
     motor_columns,
     place_platform,
 )
-from stewart_pin.kernels.plan import plan_platform
+from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from stewart_pin.model.description import JointKind
 from tests import mechanisms

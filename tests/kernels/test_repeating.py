@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.array_kernel import ArrayKernel, Engine
 from stewart_pin.kernels.compile_function import compile_function
-from stewart_pin.kernels.repeating import Repeat
-from stewart_pin.kernels.status import StateBound, StateStatus
+from stewart_pin.kernels.programs.repeating import Repeat
+from stewart_pin.kernels.programs.status import StateBound, StateStatus
+from stewart_pin.kernels.running.array_kernel import ArrayKernel, Engine
 from tests.kernels.targets import TARGETS
 
 pytest.importorskip("llvmlite")

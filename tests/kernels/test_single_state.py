@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.array_kernel import ArrayKernel, Engine
-from stewart_pin.kernels.instructions import program_from_casadi
-from stewart_pin.kernels.status import StateBound, StateStatus
+from stewart_pin.kernels.programs.instructions import program_from_casadi
+from stewart_pin.kernels.programs.status import StateBound, StateStatus
+from stewart_pin.kernels.running.array_kernel import ArrayKernel, Engine
 
 pytest.importorskip("llvmlite")
 each_engine = pytest.mark.parametrize("engine", ["llvm", "numpy"])

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels import target
-from stewart_pin.kernels.target import Target, host_target, narrow_target
+from stewart_pin.kernels.llvm import target
+from stewart_pin.kernels.llvm.target import Target, host_target, narrow_target
 
 pytest.importorskip("llvmlite")
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stewart_pin.kernels.array_kernel import ArrayKernel
-from stewart_pin.kernels.llvm_module import module_for_one, module_for_ranges
-from stewart_pin.kernels.machine_code import object_file
-from stewart_pin.kernels.target import Target, host_target
+from stewart_pin.kernels.llvm.machine_code import object_file
+from stewart_pin.kernels.llvm.module import module_for_one, module_for_ranges
+from stewart_pin.kernels.llvm.target import Target, host_target
+from stewart_pin.kernels.running.array_kernel import ArrayKernel
 from tests.oracles.arm_machine import ArmMachine
 
 SYSTEMS = {

@@ -12,13 +12,13 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.array_kernel import ArrayKernel
-from stewart_pin.kernels.arrays import as_states
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.kernels.repeating import interpreted
-from stewart_pin.kernels.status import StateStatus, written_outputs
-from stewart_pin.kernels.target import Target
+from stewart_pin.kernels.llvm.target import Target
+from stewart_pin.kernels.programs.repeating import interpreted
+from stewart_pin.kernels.programs.status import StateStatus, written_outputs
+from stewart_pin.kernels.running.array_kernel import ArrayKernel
+from stewart_pin.kernels.running.arrays import as_states
 from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from tests.closed_states import random_configuration, random_motion, robot
 from tests.oracles.arm_kernels import SYSTEMS, ArmKernel, same

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stewart_pin.kernels.array_kernel import ArrayKernel
-from stewart_pin.kernels.interpreter import run_program
-from stewart_pin.kernels.llvm_operations import WRITTEN
-from stewart_pin.kernels.machine_code import object_file
-from stewart_pin.kernels.preparing import prepare
-from stewart_pin.kernels.program import LIBRARY, Kind
-from stewart_pin.kernels.target import Target
+from stewart_pin.kernels.llvm.machine_code import object_file
+from stewart_pin.kernels.llvm.operations import WRITTEN
+from stewart_pin.kernels.llvm.target import Target
+from stewart_pin.kernels.programs.interpreter import run_program
+from stewart_pin.kernels.programs.preparing import prepare
+from stewart_pin.kernels.programs.program import LIBRARY, Kind
+from stewart_pin.kernels.running.array_kernel import ArrayKernel
 from tests.kernels.programs import (
     kinds_of_every_operation,
     one_operation,

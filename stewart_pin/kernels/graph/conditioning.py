@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 import casadi as ca
 import numpy as np
 
-from stewart_pin.kernels.elimination import Elimination, plan_pivots
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.held_motion import HeldMotion
@@ -16,6 +15,7 @@ from stewart_pin.kernels.graph.leg_reactions import holding_share
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.graph.whole_tree import motor_columns as tree_motor_columns
+from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots
 from stewart_pin.typing import FloatArray
 
 _SMALL = 1e-3

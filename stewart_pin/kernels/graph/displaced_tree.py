@@ -13,8 +13,8 @@ import numpy as np
 from stewart_pin.kernels.graph.joint_motion import joint_placement, placements
 from stewart_pin.kernels.graph.loop_rows import loop_columns
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
-from stewart_pin.kernels.spatial import constant, rotation_constant, skew
-from stewart_pin.kernels.tree import LoopEnds, TreeJoint
+from stewart_pin.kernels.planning.spatial import constant, rotation_constant, skew
+from stewart_pin.kernels.planning.tree import LoopEnds, TreeJoint
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.geometry_parameters import Attachment, Displacement, geometry_parameters
 from stewart_pin.model.loop_rows import LengthRow

@@ -15,7 +15,6 @@ import numpy as np
 
 from stewart_pin.closure.equations import row_sizes
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.elimination import Elimination, plan_pivots, solve_symmetric
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.loop_gaps import loop_gaps, opposed_axes
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations
@@ -28,8 +27,9 @@ from stewart_pin.kernels.graph.whole_tree import (
     tree_forward_dynamics,
     tree_inverse_dynamics,
 )
-from stewart_pin.kernels.spatial import constant, turn_from_quaternion
-from stewart_pin.kernels.tree import Tree
+from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_symmetric
+from stewart_pin.kernels.planning.spatial import constant, turn_from_quaternion
+from stewart_pin.kernels.planning.tree import Tree
 from stewart_pin.model.description import JointKind
 
 Coordinates = Literal["platform", "motor"]

@@ -11,7 +11,6 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from stewart_pin.kernels.elimination import solve_square, solve_symmetric
 from stewart_pin.kernels.graph.displaced_tree import Moves, displacement_moves
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.platform_dynamics import (
@@ -22,8 +21,9 @@ from stewart_pin.kernels.graph.platform_dynamics import (
     place_platform,
     platform_mass_matrix,
 )
-from stewart_pin.kernels.plan import Leg, LegEnd, PlatformPlan
-from stewart_pin.kernels.spatial import constant
+from stewart_pin.kernels.planning.elimination import solve_square, solve_symmetric
+from stewart_pin.kernels.planning.plan import Leg, LegEnd, PlatformPlan
+from stewart_pin.kernels.planning.spatial import constant
 from stewart_pin.model.geometry_parameters import Attachment
 
 

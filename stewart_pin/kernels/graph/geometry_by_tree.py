@@ -23,7 +23,6 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from stewart_pin.kernels.elimination import solve_symmetric
 from stewart_pin.kernels.graph.derivatives import configuration_chart
 from stewart_pin.kernels.graph.displaced_tree import displaced_tree
 from stewart_pin.kernels.graph.driven_tree import DrivenTree, driven_motion, driven_velocity
@@ -47,7 +46,8 @@ from stewart_pin.kernels.graph.whole_tree import (
     motor_efforts,
     tree_forward_dynamics,
 )
-from stewart_pin.kernels.spatial import constant
+from stewart_pin.kernels.planning.elimination import solve_symmetric
+from stewart_pin.kernels.planning.spatial import constant
 from stewart_pin.mechanics.constrained import require_held
 from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.typing import FloatArray

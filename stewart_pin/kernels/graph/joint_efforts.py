@@ -8,8 +8,8 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.kernels.graph.joint_motion import Motions, Placements
-from stewart_pin.kernels.spatial import constant, couple, inertial_force
-from stewart_pin.kernels.tree import TreeJoint
+from stewart_pin.kernels.planning.spatial import constant, couple, inertial_force
+from stewart_pin.kernels.planning.tree import TreeJoint
 from stewart_pin.model.description import JointKind
 
 Wrench = tuple[ca.SX, ca.SX]

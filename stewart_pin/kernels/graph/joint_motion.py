@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from stewart_pin.kernels.spatial import (
+from stewart_pin.kernels.planning.spatial import (
     constant,
     rotation_constant,
     signed_permutation,
@@ -19,7 +19,7 @@ from stewart_pin.kernels.spatial import (
     turn_from_quaternion,
     turning_matrix,
 )
-from stewart_pin.kernels.tree import TreeJoint
+from stewart_pin.kernels.planning.tree import TreeJoint
 from stewart_pin.model.description import JointKind
 
 JointPlacement = tuple[ca.SX, ca.SX]

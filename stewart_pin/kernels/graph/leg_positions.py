@@ -17,9 +17,9 @@ import numpy as np
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.joint_motion import JointPlacement
-from stewart_pin.kernels.plan import Leg, LegEnd
-from stewart_pin.kernels.spatial import constant, rotation_constant, skew, turn_about
-from stewart_pin.kernels.tree import TreeJoint
+from stewart_pin.kernels.planning.plan import Leg, LegEnd
+from stewart_pin.kernels.planning.spatial import constant, rotation_constant, skew, turn_about
+from stewart_pin.kernels.planning.tree import TreeJoint
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.typing import FloatArray

@@ -18,7 +18,6 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.elimination import Elimination, plan_pivots, solve_square, solve_symmetric
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.leg_forces import LegForces, on_platform
 from stewart_pin.kernels.graph.legs import PlacedLeg, turning_of
@@ -29,8 +28,9 @@ from stewart_pin.kernels.graph.platform_dynamics import (
     motor_efforts,
 )
 from stewart_pin.kernels.graph.platform_motion import PlatformMotion, platform_motion
-from stewart_pin.kernels.plan import LegEnd
-from stewart_pin.kernels.spatial import constant, rotation_constant
+from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_square, solve_symmetric
+from stewart_pin.kernels.planning.plan import LegEnd
+from stewart_pin.kernels.planning.spatial import constant, rotation_constant
 from stewart_pin.mechanics.constrained import require_held
 from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.model.loop_rows import AngleRow, orthonormal_triad

@@ -18,7 +18,7 @@ from stewart_pin.kernels.graph.legs import PlacedLeg, leg_rates
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns, motor_efforts
 from stewart_pin.kernels.graph.platform_motion import PlatformMotion, platform_motion
 from stewart_pin.kernels.graph.regressor import PER_BODY, not_linear, wrenches_per_parameter
-from stewart_pin.kernels.spatial import constant, rotation_constant, turning_matrix
+from stewart_pin.kernels.planning.spatial import constant, rotation_constant, turning_matrix
 from stewart_pin.mechanics.constrained import require_held
 from stewart_pin.mechanics.freedom import analyse_freedom
 

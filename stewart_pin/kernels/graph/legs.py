@@ -15,14 +15,14 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from stewart_pin.kernels.elimination import Elimination, plan_pivots, solve_symmetric
 from stewart_pin.kernels.graph.joint_efforts import Wrench, efforts_of_wrenches
 from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, motions, placements
 from stewart_pin.kernels.graph.leg_positions import LegPositions, leg_positions
 from stewart_pin.kernels.graph.platform_motion import PlatformMotion
-from stewart_pin.kernels.plan import Leg, LegEnd
-from stewart_pin.kernels.samples import at_samples
-from stewart_pin.kernels.spatial import constant
+from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_symmetric
+from stewart_pin.kernels.planning.plan import Leg, LegEnd
+from stewart_pin.kernels.planning.samples import at_samples
+from stewart_pin.kernels.planning.spatial import constant
 from stewart_pin.typing import FloatArray
 
 Samples = tuple[Sequence[ca.SX], Sequence[FloatArray]]

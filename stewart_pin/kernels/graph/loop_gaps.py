@@ -6,8 +6,8 @@ import casadi as ca
 
 from stewart_pin.kernels.graph.joint_motion import Placements
 from stewart_pin.kernels.graph.loop_rows import follower
-from stewart_pin.kernels.spatial import constant, rotation_constant
-from stewart_pin.kernels.tree import Tree
+from stewart_pin.kernels.planning.spatial import constant, rotation_constant
+from stewart_pin.kernels.planning.tree import Tree
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow
 

@@ -16,7 +16,6 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import SingularityError
-from stewart_pin.kernels.elimination import solve_square, solve_symmetric
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.leg_forces import LegForces, leg_forces, leg_inertia
 from stewart_pin.kernels.graph.legs import PlacedLeg, Samples, leg_rates, place_leg
@@ -26,9 +25,10 @@ from stewart_pin.kernels.graph.platform_motion import (
     platform_motion,
     platform_wrench,
 )
-from stewart_pin.kernels.plan import PlatformPlan
-from stewart_pin.kernels.samples import at_samples
-from stewart_pin.kernels.spatial import constant
+from stewart_pin.kernels.planning.elimination import solve_square, solve_symmetric
+from stewart_pin.kernels.planning.plan import PlatformPlan
+from stewart_pin.kernels.planning.samples import at_samples
+from stewart_pin.kernels.planning.spatial import constant
 from stewart_pin.mechanics.constrained import require_held
 from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.typing import FloatArray

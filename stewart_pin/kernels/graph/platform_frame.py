@@ -8,7 +8,7 @@ from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.joint_efforts import efforts_of_wrenches, moments_of
 from stewart_pin.kernels.graph.joint_motion import at_rest, motions
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
-from stewart_pin.kernels.spatial import constant, rotation_constant
+from stewart_pin.kernels.planning.spatial import constant, rotation_constant
 
 
 def platform_columns(closed: ClosedTree) -> ca.SX:

@@ -8,12 +8,12 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.elimination import eliminate_square
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
 from stewart_pin.kernels.graph.quaternions import turned_by_small
-from stewart_pin.kernels.spatial import constant
+from stewart_pin.kernels.planning.elimination import eliminate_square
+from stewart_pin.kernels.planning.spatial import constant
 from stewart_pin.model.description import JointKind
 
 

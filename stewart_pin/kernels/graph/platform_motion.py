@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from stewart_pin.kernels.spatial import (
+from stewart_pin.kernels.planning.spatial import (
     Masses,
     constant,
     skew,
     turn_from_quaternion,
     turning_matrix,
 )
-from stewart_pin.kernels.tree import Tree
+from stewart_pin.kernels.planning.tree import Tree
 from stewart_pin.typing import FloatArray
 
 

@@ -6,12 +6,12 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.closure.equations import row_sizes
-from stewart_pin.kernels.elimination import eliminate_square
 from stewart_pin.kernels.graph.driven_tree import integrated
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.loop_gaps import loop_gaps
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
-from stewart_pin.kernels.spatial import constant
+from stewart_pin.kernels.planning.elimination import eliminate_square
+from stewart_pin.kernels.planning.spatial import constant
 
 
 def projection_function(closed: ClosedTree) -> ca.Function:

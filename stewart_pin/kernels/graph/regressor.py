@@ -14,7 +14,7 @@ from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.joint_efforts import Wrench, efforts_of_wrenches
 from stewart_pin.kernels.graph.joint_motion import at_rest, motions
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, motor_efforts
-from stewart_pin.kernels.spatial import constant, skew
+from stewart_pin.kernels.planning.spatial import constant, skew
 from stewart_pin.mechanics.constrained import require_held
 from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.model.chain import ClosedChain

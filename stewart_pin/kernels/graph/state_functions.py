@@ -13,7 +13,7 @@ from stewart_pin.kernels.graph.whole_tree import (
     tree_forward_dynamics,
     tree_inverse_dynamics,
 )
-from stewart_pin.kernels.spatial import constant
+from stewart_pin.kernels.planning.spatial import constant
 from stewart_pin.model.description import JointKind
 
 

@@ -10,18 +10,18 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.kernels.array_kernel import ArrayKernel, Engine
-from stewart_pin.kernels.arrays import require_apart, require_out
 from stewart_pin.kernels.compile_function import compile_function
-from stewart_pin.kernels.configurations import as_rows, configurations, starts, with_unit_quaternions
-from stewart_pin.kernels.judges import judged
-from stewart_pin.kernels.newton import NewtonSteps, Solved
-from stewart_pin.kernels.single_state import SingleState
-from stewart_pin.kernels.status import StateStatus
+from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.kernels.running.array_kernel import ArrayKernel, Engine
+from stewart_pin.kernels.running.arrays import require_apart, require_out
+from stewart_pin.kernels.running.single_state import SingleState
+from stewart_pin.kernels.verbs.configurations import as_rows, configurations, starts, with_unit_quaternions
+from stewart_pin.kernels.verbs.judges import judged
+from stewart_pin.kernels.verbs.newton import NewtonSteps, Solved
 from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:
-    from stewart_pin.kernels.function_set import FunctionSet
+    from stewart_pin.kernels.graph.function_set import FunctionSet
 
 
 @dataclass(frozen=True, eq=False)

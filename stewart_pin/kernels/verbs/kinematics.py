@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.arrays import require_out
-from stewart_pin.kernels.configurations import as_poses, as_rows, with_unit_quaternions
-from stewart_pin.kernels.newton import damped_newton
+from stewart_pin.kernels.running.arrays import require_out
 from stewart_pin.kernels.verbs.calling import Caller, Places
+from stewart_pin.kernels.verbs.configurations import as_poses, as_rows, with_unit_quaternions
+from stewart_pin.kernels.verbs.newton import damped_newton
 from stewart_pin.typing import ArrayLike, FloatArray
 
 

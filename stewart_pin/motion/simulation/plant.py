@@ -15,8 +15,8 @@ from stewart_pin.closure.pinocchio_constraints import constraint_models
 from stewart_pin.closure.scratch import LoopScratch
 from stewart_pin.errors import ClosureError, UnsupportedError
 from stewart_pin.kernels.choosing import SimulationKernels
-from stewart_pin.kernels.single_state import SingleState
-from stewart_pin.kernels.status import StateStatus
+from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.kernels.running.single_state import SingleState
 from stewart_pin.mechanics.constrained import forward_dynamics
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent

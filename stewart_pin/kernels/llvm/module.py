@@ -15,13 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from stewart_pin.kernels.llvm_layout import load_columns, store_columns
-from stewart_pin.kernels.llvm_operations import write_program
-from stewart_pin.kernels.llvm_writer import Writer
-from stewart_pin.kernels.program import Program, require_output
-from stewart_pin.kernels.repeating import Repeat, write_repeatedly
-from stewart_pin.kernels.status import StateBound, StateStatus, written_outputs
-from stewart_pin.kernels.target import Target
+from stewart_pin.kernels.llvm.layout import load_columns, store_columns
+from stewart_pin.kernels.llvm.operations import write_program
+from stewart_pin.kernels.llvm.repeating import write_repeatedly
+from stewart_pin.kernels.llvm.target import Target
+from stewart_pin.kernels.llvm.writer import Writer
+from stewart_pin.kernels.programs.program import Program, require_output
+from stewart_pin.kernels.programs.repeating import Repeat
+from stewart_pin.kernels.programs.status import StateBound, StateStatus, written_outputs
 
 
 def module_for_ranges(

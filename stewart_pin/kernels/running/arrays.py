@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.program import Port
+from stewart_pin.kernels.programs.program import Port
 from stewart_pin.typing import ArrayLike, FloatArray
 
 

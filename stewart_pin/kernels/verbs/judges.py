@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from stewart_pin.kernels.configurations import UNIT
-from stewart_pin.kernels.status import StateBound, StateStatus
+from stewart_pin.kernels.programs.status import StateBound, StateStatus
+from stewart_pin.kernels.verbs.configurations import UNIT
 
 _FEASIBLE = {"f8": 1e-6, "f4": 1e-5}
 """Part of a demand that may be impossible: round-off of printed numbers, as in the one-state verbs; a hundred units of

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stewart_pin.kernels.llvm_writer import Writer
+from stewart_pin.kernels.llvm.writer import Writer
 
 
 def load_columns(writer: Writer, rows: Sequence[str], size: int) -> list[str]:

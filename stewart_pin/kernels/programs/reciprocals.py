@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from collections import Counter
 
-from stewart_pin.kernels.passes import drop_dead
-from stewart_pin.kernels.program import Instruction, Kind, Program
-from stewart_pin.kernels.program_builder import ProgramBuilder
+from stewart_pin.kernels.programs.passes import drop_dead
+from stewart_pin.kernels.programs.program import Instruction, Kind, Program
+from stewart_pin.kernels.programs.program_builder import ProgramBuilder
 
 
 def share_reciprocals(program: Program) -> Program:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from stewart_pin.kernels.fusing import fuse
-from stewart_pin.kernels.passes import simplify
-from stewart_pin.kernels.program import Program
-from stewart_pin.kernels.reciprocals import share_reciprocals
+from stewart_pin.kernels.programs.fusing import fuse
+from stewart_pin.kernels.programs.passes import simplify
+from stewart_pin.kernels.programs.program import Program
+from stewart_pin.kernels.programs.reciprocals import share_reciprocals
 
 
 def prepare(program: Program) -> Program:

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from stewart_pin.errors import InputError, MissingExtraError, UnsupportedError
-from stewart_pin.kernels.program import Instruction, Kind, Port, Program, n_operands
-from stewart_pin.kernels.program_builder import ProgramBuilder
+from stewart_pin.kernels.programs.program import Instruction, Kind, Port, Program, n_operands
+from stewart_pin.kernels.programs.program_builder import ProgramBuilder
 
 
 def program_from_casadi(function: Any) -> Program:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.program import Port, Program, require_output
+from stewart_pin.kernels.programs.program import Port, Program, require_output
 from stewart_pin.typing import BoolArray, FloatArray
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.spatial import Masses
+from stewart_pin.kernels.planning.spatial import Masses
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.loop_rows import NormalRow, Row, closure_rows

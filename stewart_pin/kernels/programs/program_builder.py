@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from stewart_pin.kernels.program import Instruction, Kind, Program
+from stewart_pin.kernels.programs.program import Instruction, Kind, Program
 
 COMMUTATIVE = frozenset(
     {Kind.ADD, Kind.MUL, Kind.EQ, Kind.NE, Kind.AND, Kind.OR, Kind.HYPOT},

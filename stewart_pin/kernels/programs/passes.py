@@ -9,9 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from stewart_pin.kernels.interpreter import run_program
-from stewart_pin.kernels.program import Instruction, Kind, Program
-from stewart_pin.kernels.program_builder import ProgramBuilder
+from stewart_pin.kernels.programs.interpreter import run_program
+from stewart_pin.kernels.programs.program import Instruction, Kind, Program
+from stewart_pin.kernels.programs.program_builder import ProgramBuilder
 
 
 def rewrite(program: Program, rule: Callable[[ProgramBuilder, Instruction, int], int]) -> Program:

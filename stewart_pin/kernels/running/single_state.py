@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.arrays import as_states
-from stewart_pin.kernels.llvm_module import module_for_one
-from stewart_pin.kernels.machine_code import compile_for_one
-from stewart_pin.kernels.program import Program
-from stewart_pin.kernels.repeating import Repeat, interpreted
-from stewart_pin.kernels.status import StateBound, StateStatus, judge, written_outputs
-from stewart_pin.kernels.target import Target, host_target
+from stewart_pin.kernels.llvm.machine_code import compile_for_one
+from stewart_pin.kernels.llvm.module import module_for_one
+from stewart_pin.kernels.llvm.target import Target, host_target
+from stewart_pin.kernels.programs.program import Program
+from stewart_pin.kernels.programs.repeating import Repeat, interpreted
+from stewart_pin.kernels.programs.status import StateBound, StateStatus, judge, written_outputs
+from stewart_pin.kernels.running.arrays import as_states
 from stewart_pin.typing import ArrayLike
 
 

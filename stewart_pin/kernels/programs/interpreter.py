@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike
 
-from stewart_pin.kernels.program import Kind, Program
+from stewart_pin.kernels.programs.program import Kind, Program
 from stewart_pin.typing import FloatArray
 
 

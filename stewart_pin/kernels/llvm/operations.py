@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from stewart_pin.kernels.llvm_arctangent import write_arccosine, write_arcsine, write_arctangent
-from stewart_pin.kernels.llvm_trigonometry import write_cosine, write_sine
-from stewart_pin.kernels.llvm_writer import Writer
-from stewart_pin.kernels.program import LIBRARY, Kind, Program
+from stewart_pin.kernels.llvm.arctangent import write_arccosine, write_arcsine, write_arctangent
+from stewart_pin.kernels.llvm.trigonometry import write_cosine, write_sine
+from stewart_pin.kernels.llvm.writer import Writer
+from stewart_pin.kernels.programs.program import LIBRARY, Kind, Program
 
 BINARY = {Kind.ADD: "fadd", Kind.SUB: "fsub", Kind.MUL: "fmul", Kind.DIV: "fdiv"}
 INTRINSICS = {

@@ -8,8 +8,8 @@ import weakref
 from typing import Any
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.llvm_session import inside_llvm
-from stewart_pin.kernels.target import Target, load_llvm
+from stewart_pin.kernels.llvm.session import inside_llvm
+from stewart_pin.kernels.llvm.target import Target, load_llvm
 
 
 def compile_for_ranges(text: str, target: Target) -> Any:

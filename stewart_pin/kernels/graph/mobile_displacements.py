@@ -21,8 +21,8 @@ from stewart_pin.kernels.graph.displaced_tree import displaced_tree
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.held_motion import condition_gaps
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
-from stewart_pin.kernels.idle_freedoms import idle_moved
-from stewart_pin.kernels.samples import closed_samples
+from stewart_pin.kernels.planning.idle_freedoms import idle_moved
+from stewart_pin.kernels.planning.samples import closed_samples
 from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from stewart_pin.model.chain import ClosedChain

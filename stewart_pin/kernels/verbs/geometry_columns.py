@@ -14,7 +14,7 @@ from stewart_pin.model.geometry_parameters import GeometryParameter, geometry_pa
 from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:
-    from stewart_pin.kernels.function_set import FunctionSet
+    from stewart_pin.kernels.graph.function_set import FunctionSet
 
 Along: TypeAlias = ArrayLike | Sequence[GeometryParameter]
 """Displacements: some parameters, or (parameters, k) columns of all of them [m or rad per unit]."""

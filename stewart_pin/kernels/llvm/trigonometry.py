@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stewart_pin.kernels.llvm_writer import Writer
+from stewart_pin.kernels.llvm.writer import Writer
 
 
 @dataclass(frozen=True)

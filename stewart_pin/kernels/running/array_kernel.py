@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.arrays import as_states, n_states, require_apart, require_out
-from stewart_pin.kernels.llvm_module import module_for_ranges
-from stewart_pin.kernels.machine_code import compile_for_ranges
-from stewart_pin.kernels.program import Program
-from stewart_pin.kernels.repeating import Repeat, interpreted, require_repeat
-from stewart_pin.kernels.single_state import SingleState
-from stewart_pin.kernels.status import StateBound, judge, require_bounds, written_outputs
-from stewart_pin.kernels.target import Target, host_target
+from stewart_pin.kernels.llvm.machine_code import compile_for_ranges
+from stewart_pin.kernels.llvm.module import module_for_ranges
+from stewart_pin.kernels.llvm.target import Target, host_target
+from stewart_pin.kernels.programs.program import Program
+from stewart_pin.kernels.programs.repeating import Repeat, interpreted, require_repeat
+from stewart_pin.kernels.programs.status import StateBound, judge, require_bounds, written_outputs
+from stewart_pin.kernels.running.arrays import as_states, n_states, require_apart, require_out
+from stewart_pin.kernels.running.single_state import SingleState
 from stewart_pin.typing import ArrayLike, FloatArray
 
 Engine = Literal["llvm", "numpy"]

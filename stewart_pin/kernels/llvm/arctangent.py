@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 
-from stewart_pin.kernels.llvm_trigonometry import write_polynomial
-from stewart_pin.kernels.llvm_writer import Writer
+from stewart_pin.kernels.llvm.trigonometry import write_polynomial
+from stewart_pin.kernels.llvm.writer import Writer
 
 _TAN_EIGHTH = 0.414213562373095048802
 _HALF_TURN = {

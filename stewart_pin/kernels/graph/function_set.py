@@ -31,16 +31,16 @@ from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.geometry_by_legs import leg_displacements
 from stewart_pin.kernels.graph.geometry_by_tree import tree_geometry_derivatives
 from stewart_pin.kernels.graph.held_motion import HeldMotion, hold
+from stewart_pin.kernels.graph.leg_functions import BY_LEGS, DERIVATIVES, LEG_FUNCTIONS, leg_function
+from stewart_pin.kernels.graph.mobile_displacements import MobileDisplacements, mobile_displacements
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.projection import projection_function
 from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
-from stewart_pin.kernels.idle_freedoms import require_idle_without_effect
-from stewart_pin.kernels.leg_functions import BY_LEGS, DERIVATIVES, LEG_FUNCTIONS, leg_function
-from stewart_pin.kernels.mobile_displacements import MobileDisplacements, mobile_displacements
-from stewart_pin.kernels.plan import plan_platform
-from stewart_pin.kernels.samples import closed_samples
+from stewart_pin.kernels.planning.idle_freedoms import require_idle_without_effect
+from stewart_pin.kernels.planning.plan import plan_platform
+from stewart_pin.kernels.planning.samples import closed_samples
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.chain import ClosedChain
 from stewart_pin.typing import FloatArray

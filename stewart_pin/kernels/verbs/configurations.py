@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.newton import NewtonSteps, Solved, damped_newton
+from stewart_pin.kernels.verbs.newton import NewtonSteps, Solved, damped_newton
 from stewart_pin.typing import ArrayLike, FloatArray
 
 UNIT = 2e-6

@@ -14,9 +14,9 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.samples import closed_samples
-from stewart_pin.kernels.spatial import Masses
-from stewart_pin.kernels.tree import LoopEnds, Tree, TreeJoint, tree_of
+from stewart_pin.kernels.planning.samples import closed_samples
+from stewart_pin.kernels.planning.spatial import Masses
+from stewart_pin.kernels.planning.tree import LoopEnds, Tree, TreeJoint, tree_of
 from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.mechanics.platform import motion_matrix

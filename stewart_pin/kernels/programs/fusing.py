@@ -5,9 +5,9 @@ The choice is made here, not by the compiler, so that every vector width and the
 
 from __future__ import annotations
 
-from stewart_pin.kernels.passes import drop_dead, rewrite
-from stewart_pin.kernels.program import Instruction, Kind, Program
-from stewart_pin.kernels.program_builder import ProgramBuilder
+from stewart_pin.kernels.programs.passes import drop_dead, rewrite
+from stewart_pin.kernels.programs.program import Instruction, Kind, Program
+from stewart_pin.kernels.programs.program_builder import ProgramBuilder
 
 
 def fuse(program: Program) -> Program:

@@ -1,0 +1,1 @@
+"""Programs as LLVM modules on vectors, and as machine code."""

@@ -1,0 +1,1 @@
+"""Straight-line lists of operations: read from CasADi, made shorter, interpreted."""

@@ -1,0 +1,1 @@
+"""Programs as functions of arrays of states, and of one state."""
