@@ -21,6 +21,10 @@ from stewart_pin.kernels.running.array_kernel import ArrayKernel
 from stewart_pin.kernels.running.arrays import as_states
 from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from tests.closed_states import random_configuration, random_motion, robot
+
+pytest.importorskip("lief", reason="needs LIEF: pip install 'stewart_pin[oracles]'")
+pytest.importorskip("unicorn", reason="needs Unicorn: pip install 'stewart_pin[oracles]'")
+
 from tests.oracles.arm_kernels import SYSTEMS, ArmKernel, same
 
 each_system = pytest.mark.parametrize("target", SYSTEMS.values(), ids=SYSTEMS)

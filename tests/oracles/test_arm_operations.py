@@ -20,6 +20,10 @@ from tests.kernels.programs import (
     round_off,
     special_values,
 )
+
+pytest.importorskip("lief", reason="needs LIEF: pip install 'stewart_pin[oracles]'")
+pytest.importorskip("unicorn", reason="needs Unicorn: pip install 'stewart_pin[oracles]'")
+
 from tests.oracles.arm_kernels import SYSTEMS, UNTOUCHED, ArmKernel, same
 from tests.oracles.arm_machine import ArmMachine, unicorn
 
