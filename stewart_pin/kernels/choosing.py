@@ -25,8 +25,9 @@ from stewart_pin.kernels.programs.status import StateBound
 from stewart_pin.kernels.running.single_state import SingleState
 from stewart_pin.model.chain import ClosedChain
 
-MANY_CALLS = 50_000
-"""Calls of one state below which compiling, half a second, takes longer than it saves, ten microseconds a call."""
+MANY_CALLS = 100_000
+"""Calls of one state below which compiling, a second and a half, takes longer than it saves: 15 microseconds a call, of
+62 a step."""
 _NEARLY_CLOSED = 4e-7
 """Gap in robot sizes up to which one factorisation serves position and velocity: one step leaves `TOLERANCE` of it."""
 HANDFUL = 300

@@ -29,6 +29,28 @@ _ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
+class Reach:
+    """A slide that is as long as two points are apart: ``length = sign * position + offset``.
+
+    Attributes
+    ----------
+    root
+        (3,) point in what the leg hangs on, ground or platform [m].
+    end
+        (3,) point in the other of the two [m].
+    sign
+        1, or -1 for a slide that shortens the leg.
+    offset
+        Length with the slide at zero [m].
+    """
+
+    root: FloatArray
+    end: FloatArray
+    sign: float
+    offset: float
+
+
+@dataclass(frozen=True, eq=False)
 class LegPositions:
     """Where the joints of a leg are.
 
@@ -41,11 +63,14 @@ class LegPositions:
     stretched
         Squared distance over squared length, less 1, of every rod that nothing has been moved to fit, and the slope of
         every planar pointer out of its plane: zero at poses that the platform can take.
+    reaches
+        Slides of a leg that is nothing but a pointer in space.
     """
 
     moved: tuple[JointPlacement, ...]
     values: dict[int, ca.SX]
     stretched: tuple[ca.SX, ...]
+    reaches: dict[int, Reach]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,11 +125,15 @@ def leg_positions(leg: Leg, targets: Sequence[ca.SX]) -> LegPositions:
         turn, shift = moved[stem]
         points = {key: turn.T @ (point - shift) for key, point in points.items()}
     stretched: list[ca.SX] = []
+    reaches: dict[int, Reach] = {}
     for k, pointer in enumerate(pointers):
         target = points[id(pointer.end)]
         first = leg.joints[pointer.turns[0]]
         planar = pointer.planar(leg)
         (_point_in_plane if planar else _point)(leg, pointer, target, moved, values)
+        if stem is None and pointer.slide is not None and not planar:
+            sign = _sign(leg, pointer, pointer.slide)
+            reaches[pointer.slide] = Reach(first.translation, pointer.end.other, sign, pointer.offset)
         arm = target - constant(first.translation)
         square = ca.dot(arm, arm)
         if pointer.slide is None and (k or stem is None):
@@ -113,7 +142,8 @@ def leg_positions(leg: Leg, targets: Sequence[ca.SX]) -> LegPositions:
             stretched.append(
                 ca.dot(rotation_constant(first.rotation) @ constant(first.axis), arm) / ca.sqrt(square)
             )
-    return LegPositions(tuple(moved[k] for k in range(len(leg.joints))), values, tuple(stretched))
+    placements = tuple(moved[k] for k in range(len(leg.joints)))
+    return LegPositions(placements, values, tuple(stretched), reaches)
 
 
 def _into(joint: TreeJoint, point: ca.SX) -> ca.SX:
@@ -280,9 +310,14 @@ def _slide(
     values: dict[int, ca.SX],
 ) -> None:
     joint = leg.joints[slide]
-    position = float(pointer.line @ joint.rotation @ joint.axis) * (length - pointer.offset)
+    position = _sign(leg, pointer, slide) * (length - pointer.offset)
     moved[slide] = ca.SX.eye(3), constant(joint.axis) * position
     values[slide] = position
+
+
+def _sign(leg: Leg, pointer: _Pointer, slide: int) -> float:
+    joint = leg.joints[slide]
+    return float(pointer.line @ joint.rotation @ joint.axis)
 
 
 def _triad(leg: Leg, pointer: _Pointer) -> tuple[FloatArray, FloatArray, FloatArray, float]:

@@ -12,6 +12,7 @@ from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
 from stewart_pin.kernels.graph.quaternions import turned_by_small
+from stewart_pin.kernels.graph.squared_lengths import MotorEquations, squared_lengths
 from stewart_pin.kernels.planning.elimination import eliminate_square
 from stewart_pin.kernels.planning.spatial import constant
 from stewart_pin.model.description import JointKind
@@ -114,9 +115,8 @@ def pose_equations(placed: PlacedPlatform) -> NewtonEquations:
     """
     tree, twists = placed.plan.tree, placed.plan.twists
     q_motor = ca.SX.sym("q_motor", len(tree.motors))
-    gap = ca.vertcat(*(_short_of(q_motor[k], value) for k, value in enumerate(_motor_values(placed))))
-    size = placed.plan.chain.tangent_scale[list(tree.motors)]
-    jacobian = motor_columns(placed).T @ constant(twists)
+    gap, rows, size, beside = squared_lengths(placed, q_motor) or _positions(placed, q_motor)
+    jacobian = rows @ constant(twists)
     weighted = None
     matrix, values = jacobian, placed.values(jacobian) / size[:, None] * placed.twist_scale
     if twists.shape[1] != len(tree.motors):
@@ -128,7 +128,7 @@ def pose_equations(placed: PlacedPlatform) -> NewtonEquations:
     def close(gap: ca.SX) -> ca.SX:
         return constant(twists) @ reduced.solve(gap if weighted is None else weighted @ gap)
 
-    beside = placed.infeasible().values()
+    beside = [*beside, *placed.infeasible().values()]
     return NewtonEquations(
         state=placed.pose,
         target=q_motor,
@@ -137,6 +137,12 @@ def pose_equations(placed: PlacedPlatform) -> NewtonEquations:
         close=close,
         move=_moved,
     )
+
+
+def _positions(placed: PlacedPlatform, q_motor: ca.SX) -> MotorEquations:
+    gap = ca.vertcat(*(_short_of(q_motor[k], value) for k, value in enumerate(_motor_values(placed))))
+    size = placed.plan.chain.tangent_scale[list(placed.plan.tree.motors)]
+    return MotorEquations(gap, motor_columns(placed).T, size, ())
 
 
 def _moved(pose: ca.SX, step: ca.SX) -> ca.SX:

@@ -7,7 +7,7 @@ import numpy as np
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.running.arrays import require_out
 from stewart_pin.kernels.verbs.calling import Caller, Places
-from stewart_pin.kernels.verbs.configurations import as_poses, as_rows, with_unit_quaternions
+from stewart_pin.kernels.verbs.configurations import as_poses, as_rows
 from stewart_pin.kernels.verbs.newton import damped_newton
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -66,7 +66,8 @@ class KinematicsVerbs(Caller):
         q_motor
             (N, nu) in the order of ``chain.motors`` [m or rad].
         pose_guess
-            (N, 7) or (7,) poses to start from, which choose the assembly mode [m, unit quaternion].
+            (N, 7) or (7,) poses to start from, which choose the assembly mode; quaternions of other lengths become
+            unit ones on the way [m, unit quaternion].
         out, status, conditioning, threads
             Where to write, in any unit, and by how many threads: see `Kernels`.
 
@@ -77,7 +78,7 @@ class KinematicsVerbs(Caller):
         """
         self._require_platform("forward_kinematics")
         target, single = as_rows("q_motor", q_motor, self.chain.nu)
-        guess = with_unit_quaternions(as_rows("pose_guess", pose_guess, 7)[0])
+        guess = as_rows("pose_guess", pose_guess, 7)[0]
         if len(guess) not in (1, len(target)):
             raise InputError(f"there are {len(guess)} guesses for {len(target)} motor positions")
         if self._functions.placed is not None:
@@ -88,7 +89,7 @@ class KinematicsVerbs(Caller):
             found = self._given(solved, (solved.states,), status, single=single)
             self._grade(solved.states, conditioning, threads)
             return found if room is not None else _copied(found, out)
-        begun = self._configurations(np.broadcast_to(guess, (len(target), 7)), threads)
+        begun = self._configurations(_normalised(np.broadcast_to(guess, (len(target), 7))), threads)
         solved = damped_newton(self._steps("motor_closing"), begun.states, target, threads=threads)
         self._grade(solved.states, conditioning, threads)
         position, rotation = self._kernel("platform_pose")(solved.states, threads=threads)
@@ -153,6 +154,12 @@ class KinematicsVerbs(Caller):
         if conditioning is not None:
             require_out("conditioning", conditioning, (len(states),), self._dtype)
             self._kernel("conditioning")(states, out=conditioning[:, None], threads=threads)
+
+
+def _normalised(poses: FloatArray) -> FloatArray:
+    """Give quaternions unit length; none has no direction, and becomes nan."""
+    length = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    return np.hstack([poses[:, :3], poses[:, 3:] / np.where(length > 0, length, np.nan)])
 
 
 def _copied(found: FloatArray, out: FloatArray | None) -> FloatArray:
