@@ -28,7 +28,7 @@ from stewart_pin.model.chain import ClosedChain
 MANY_CALLS = 100_000
 """Calls of one state below which compiling, a second and a half, takes longer than it saves: 15 microseconds a call, of
 62 a step."""
-_NEARLY_CLOSED = 4e-7
+_NEARLY_CLOSED = TOLERANCE**0.5
 """Gap in robot sizes up to which one factorisation serves position and velocity: one step leaves `TOLERANCE` of it."""
 HANDFUL = 300
 """States below which the verbs of one state, at a few milliseconds each, are through before kernels are compiled."""

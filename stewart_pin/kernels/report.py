@@ -13,7 +13,7 @@ from stewart_pin.mechanics.freedom import TWIST_AXES
 if TYPE_CHECKING:
     from stewart_pin.kernels.graph.function_set import FunctionSet
     from stewart_pin.kernels.graph.legs import PlacedLeg
-    from stewart_pin.kernels.planning.elimination import Pivots
+    from stewart_pin.kernels.planning.pivots import Pivots
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,7 @@ def test_conditioning_comes_along(name: str, rng: np.random.Generator) -> None:
         graded = in_a_tuple(getattr(many, verb)(*arguments, conditioning=conditioning))
         for found, value in zip(graded, expected, strict=True):
             # Another order of sums.
-            np.testing.assert_allclose(found, value, rtol=1e-9, atol=1e-9, err_msg=verb)
+            np.testing.assert_allclose(found, value, rtol=1e-11, atol=1e-11, err_msg=verb)
         pose = many.forward_kinematics(*arguments) if verb == "forward_kinematics" else arguments[0]
         alone = many.conditioning(pose)
         if verb.startswith("forward_dynamics") or verb == "motor_jacobian":

@@ -10,7 +10,8 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.kernels.compile import compile_kernels
-from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots
+from stewart_pin.kernels.planning.elimination import Elimination
+from stewart_pin.kernels.planning.pivots import plan_pivots
 from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.mechanics.freedom import analyse_freedom
 from tests.building import cassie

@@ -27,7 +27,8 @@ from stewart_pin.kernels.graph.whole_tree import (
     tree_forward_dynamics,
     tree_inverse_dynamics,
 )
-from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_symmetric
+from stewart_pin.kernels.planning.elimination import Elimination, solve_symmetric
+from stewart_pin.kernels.planning.pivots import plan_pivots
 from stewart_pin.kernels.planning.spatial import constant, turn_from_quaternion
 from stewart_pin.kernels.planning.tree import Tree
 from stewart_pin.model.description import JointKind

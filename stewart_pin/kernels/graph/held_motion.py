@@ -22,7 +22,8 @@ from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.loop_gaps import loop_gaps
 from stewart_pin.kernels.graph.platform_frame import platform_bias, platform_columns, platform_placement
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, motor_columns, tree_bias
-from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots
+from stewart_pin.kernels.planning.elimination import Elimination
+from stewart_pin.kernels.planning.pivots import plan_pivots
 from stewart_pin.mechanics.freedom import TWIST_AXES
 from stewart_pin.typing import FloatArray
 

@@ -28,7 +28,8 @@ from stewart_pin.kernels.graph.platform_dynamics import (
     motor_efforts,
 )
 from stewart_pin.kernels.graph.platform_motion import PlatformMotion, platform_motion
-from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_square, solve_symmetric
+from stewart_pin.kernels.planning.elimination import Elimination, solve_square, solve_symmetric
+from stewart_pin.kernels.planning.pivots import plan_pivots
 from stewart_pin.kernels.planning.plan import LegEnd
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant
 from stewart_pin.mechanics.constrained import require_held

@@ -19,7 +19,8 @@ from stewart_pin.kernels.graph.joint_efforts import Wrench, efforts_of_wrenches
 from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, motions, placements
 from stewart_pin.kernels.graph.leg_positions import LegPositions, leg_positions
 from stewart_pin.kernels.graph.platform_motion import PlatformMotion
-from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_symmetric
+from stewart_pin.kernels.planning.elimination import Elimination, solve_symmetric
+from stewart_pin.kernels.planning.pivots import plan_pivots
 from stewart_pin.kernels.planning.plan import Leg, LegEnd
 from stewart_pin.kernels.planning.samples import at_samples
 from stewart_pin.kernels.planning.spatial import constant
