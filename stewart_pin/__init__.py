@@ -36,13 +36,6 @@ from stewart_pin.building.rotary_legs import rotary_legs as rotary_legs
 from stewart_pin.building.variants import attach_payload as attach_payload
 from stewart_pin.building.variants import massless_legs as massless_legs
 from stewart_pin.building.variants import replace_inertias as replace_inertias
-from stewart_pin.closure.equations import loop_bias as loop_bias
-from stewart_pin.closure.equations import loop_gap as loop_gap
-from stewart_pin.closure.equations import loop_jacobian as loop_jacobian
-from stewart_pin.closure.jacobian_rate import loop_jacobian_rate as loop_jacobian_rate
-from stewart_pin.closure.newton import Closure as Closure
-from stewart_pin.closure.newton import close_loops as close_loops
-from stewart_pin.closure.pinocchio_constraints import constraint_models as constraint_models
 from stewart_pin.geometry.delta import DeltaPositions as DeltaPositions
 from stewart_pin.geometry.delta import delta_legs as delta_legs
 from stewart_pin.geometry.delta import delta_positions as delta_positions
@@ -118,7 +111,6 @@ from stewart_pin.mechanics.capability.polytope import polytope_section as polyto
 from stewart_pin.mechanics.capability.polytope import polytope_support as polytope_support
 from stewart_pin.mechanics.capability.velocity import velocity_polytope as velocity_polytope
 from stewart_pin.mechanics.capability.wrench import wrench_polytope as wrench_polytope
-from stewart_pin.mechanics.constrained import forward_dynamics as forward_dynamics
 from stewart_pin.mechanics.constraint_matrix.system import ConstraintMatrixSystem as ConstraintMatrixSystem
 from stewart_pin.mechanics.constraint_matrix.system import (
     constraint_matrix_system as constraint_matrix_system,
@@ -126,14 +118,12 @@ from stewart_pin.mechanics.constraint_matrix.system import (
 from stewart_pin.mechanics.coordinates import Coordinates as Coordinates
 from stewart_pin.mechanics.effort import Effort as Effort
 from stewart_pin.mechanics.effort import Motion as Motion
+from stewart_pin.mechanics.forward_dynamics import forward_dynamics as forward_dynamics
 from stewart_pin.mechanics.forward_solutions import ForwardSolutions as ForwardSolutions
 from stewart_pin.mechanics.forward_solutions import all_forward_kinematics as all_forward_kinematics
-from stewart_pin.mechanics.freedom import FreedomCount as FreedomCount
-from stewart_pin.mechanics.generic import generic_freedom as generic_freedom
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics as inverse_dynamics
 from stewart_pin.mechanics.joint_motor_map import JointMotorMap as JointMotorMap
 from stewart_pin.mechanics.joint_motor_map import joint_motor_map as joint_motor_map
-from stewart_pin.mechanics.kinematics import State as State
 from stewart_pin.mechanics.kinematics import forward_kinematics as forward_kinematics
 from stewart_pin.mechanics.kinematics import inverse_kinematics as inverse_kinematics
 from stewart_pin.mechanics.kinematics import motor_jacobian as motor_jacobian
@@ -165,9 +155,6 @@ from stewart_pin.mechanics.singularity import Screw as Screw
 from stewart_pin.mechanics.singularity import Singularity as Singularity
 from stewart_pin.mechanics.singularity import SingularityKind as SingularityKind
 from stewart_pin.mechanics.singularity import classify_singularity as classify_singularity
-from stewart_pin.model.chain import ClosedChain as ClosedChain
-from stewart_pin.model.geometry_parameters import GeometryParameter as GeometryParameter
-from stewart_pin.model.geometry_parameters import geometry_parameters as geometry_parameters
 from stewart_pin.motion.accelerograms import Accelerogram as Accelerogram
 from stewart_pin.motion.accelerograms import accelerogram as accelerogram
 from stewart_pin.motion.accelerograms import correct_baseline as correct_baseline
@@ -197,6 +184,19 @@ from stewart_pin.motion.simulation.simulate import simulate as simulate
 from stewart_pin.motion.trajectories import PlatformSamples as PlatformSamples
 from stewart_pin.motion.trajectories import sample_times as sample_times
 from stewart_pin.motion.trajectories import sinusoidal_motion as sinusoidal_motion
+from stewart_pin.state.chain import ClosedChain as ClosedChain
+from stewart_pin.state.freedom import FreedomCount as FreedomCount
+from stewart_pin.state.generic import generic_freedom as generic_freedom
+from stewart_pin.state.geometry_parameters import GeometryParameter as GeometryParameter
+from stewart_pin.state.geometry_parameters import geometry_parameters as geometry_parameters
+from stewart_pin.state.loop_verbs import loop_bias as loop_bias
+from stewart_pin.state.loop_verbs import loop_gap as loop_gap
+from stewart_pin.state.loop_verbs import loop_jacobian as loop_jacobian
+from stewart_pin.state.loop_verbs import loop_jacobian_rate as loop_jacobian_rate
+from stewart_pin.state.newton import Closure as Closure
+from stewart_pin.state.newton import close_loops as close_loops
+from stewart_pin.state.pinocchio_constraints import constraint_models as constraint_models
+from stewart_pin.state.state import State as State
 from stewart_pin.studies.comparison import Comparison as Comparison
 from stewart_pin.studies.comparison import compare_methods as compare_methods
 from stewart_pin.studies.demand_sweep import sweep_demand as sweep_demand

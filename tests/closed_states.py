@@ -13,8 +13,6 @@ import numpy as np
 import pinocchio as pin
 
 import stewart_pin as stp
-from stewart_pin.closure.equations import row_sizes
-from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.model.description import LOOP_KINDS, JointKind
 from tests.mechanisms import gear_train, two_bodies
 
@@ -72,7 +70,7 @@ def random_motion(
     chain: stp.ClosedChain, rng: np.random.Generator, q: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Draw a velocity and an acceleration that keep the loops closed, of about one robot size per s and s²."""
-    motions = analyse_freedom(chain, q).motions
+    motions = chain.at(q).freedom.motions
     v = motions @ rng.normal(size=motions.shape[1])
     jacobian = stp.loop_jacobian(chain, q) * chain.tangent_scale
     a = -chain.tangent_scale * np.linalg.lstsq(jacobian, stp.loop_bias(chain, q, v), rcond=1e-10)[0]
@@ -104,15 +102,15 @@ def conditioning(chain: stp.ClosedChain, q: np.ndarray) -> float:
 
     Where the loops lose rank as the motors do, each alone may look well: a Delta whose rods lie in one plane.
     """
-    jacobian = stp.loop_jacobian(chain, q) * chain.tangent_scale / row_sizes(chain)[:, None]
+    jacobian = stp.loop_jacobian(chain, q) * chain.tangent_scale / chain.row_sizes[:, None]
     s = np.linalg.svd(np.vstack([jacobian, np.eye(chain.nv)[chain.motor_index]]), compute_uv=False)
-    held = chain.nv - analyse_freedom(chain, q).idle.shape[1]
+    held = chain.nv - chain.at(q).freedom.idle.shape[1]
     return float(s[held - 1]) if held <= s.size else 0.0
 
 
 def smallest_inertia(chain: stp.ClosedChain, q: np.ndarray) -> float:
     """Return the smallest inertia of all motions that keep the loops closed, lengths in robot sizes [kg m²]."""
-    motions = analyse_freedom(chain, q).motions
+    motions = chain.at(q).freedom.motions
     upper = np.triu(np.reshape(pin.crba(chain.model, pin.Data(chain.model), q), (chain.nv, chain.nv)))
     return float(np.linalg.eigvalsh(motions.T @ (upper + np.triu(upper, 1).T) @ motions)[0])
 
@@ -124,7 +122,7 @@ def _walk_to_singularity(chain: stp.ClosedChain, rng: np.random.Generator) -> np
     for _ in range(40):
         if worst < _NEAR or reach < 1e-3:
             break
-        motions = analyse_freedom(chain, q).motions
+        motions = chain.at(q).freedom.motions
         slope = np.array([conditioning(chain, _moved(chain, q, 1e-4 * n)) - worst for n in motions.T]) / 1e-4
         # Newton's step to one half of the threshold: onto the singularity itself the laws do not hold.
         step = -slope * (worst - _NEAR / 2) / max(float(slope @ slope), 1e-12)

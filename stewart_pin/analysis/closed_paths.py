@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.checks import as_array
-from stewart_pin.closure.newton import close_loops
 from stewart_pin.errors import InputError
-from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.state.chain import ClosedChain, as_configuration
+from stewart_pin.state.newton import close_loops
 from stewart_pin.typing import ArrayLike, Configuration
 
 Path = Callable[[float], Configuration]

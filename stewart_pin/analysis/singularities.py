@@ -20,11 +20,11 @@ from scipy.optimize import brentq, minimize_scalar
 from stewart_pin.analysis.closed_paths import Path, closed_path
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
-from stewart_pin.mechanics.freedom import TWIST_AXES
-from stewart_pin.mechanics.generic import generic_freedom
 from stewart_pin.mechanics.singularity import Singularity, SingularityKind, classify_singularity
 from stewart_pin.mechanics.singularity.split import ALIGNED, Measure, signed_measure, split_jacobians
-from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.state.chain import ClosedChain, as_configuration
+from stewart_pin.state.freedom import TWIST_AXES
+from stewart_pin.state.generic import generic_freedom
 from stewart_pin.typing import ArrayLike, Configuration
 
 _SHORTEST = 1e-6
@@ -214,7 +214,7 @@ class _Search:
         s = float(s)
         if s not in self._seen:
             q = as_configuration(self._chain, "path", self._path(s))
-            split = split_jacobians(self._chain, q, self._generic, self._length)
+            split = split_jacobians(self._chain.at(q), self._generic, self._length)
             self._seen[s] = _Sample(s, q, split.measures)
         return self._seen[s]
 

@@ -10,16 +10,16 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.checks import as_array, as_positive
-from stewart_pin.closure.newton import Closure, System, close_loops, solve
 from stewart_pin.errors import InputError
-from stewart_pin.mechanics.demands import pose_system
-from stewart_pin.mechanics.freedom import TWIST_AXES, counted
-from stewart_pin.mechanics.generic import generic_freedom
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.mechanics.singularity import SingularityKind
 from stewart_pin.mechanics.singularity.split import ALIGNED, Measure, signed_measure, split_jacobians
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.freedom import TWIST_AXES
+from stewart_pin.state.generic import generic_freedom
+from stewart_pin.state.newton import Closure, close_loops, solve
+from stewart_pin.state.paths import pose_path
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 _FAR = 0.5
@@ -133,7 +133,7 @@ class _Field:
         length: float,
     ) -> None:
         self._chain, self._x, self._y, self._length = chain, x, y, length
-        self._rows = np.concatenate([np.ones(chain.nc, dtype=bool), counted(axes) > 0])
+        self._axes = axes
         self._plane = [TWIST_AXES.index(name) for name in plane]
         self._pose = platform_pose(chain, start)
         self._hinges = [
@@ -185,21 +185,12 @@ class _Field:
     def _solve(self, guess: Configuration, cell: tuple[int, int]) -> Closure:
         place = self._pose.translation.copy()
         place[self._plane] = self._x[cell[1]], self._y[cell[0]]
-        whole = pose_system(self._chain, pin.SE3(self._pose.rotation, place))
-
-        def evaluate(data: pin.Data, q: Configuration) -> tuple[FloatArray, FloatArray]:
-            residual, jacobian = whole.evaluate(data, q)
-            return residual[self._rows], jacobian[self._rows]
-
-        return solve(
-            self._chain,
-            guess,
-            System(evaluate, whole.sizes[self._rows], whole.demand),
-            max_iterations=_MAX_ITERATIONS,
-        )
+        start, goal = self._chain.at(guess), pin.SE3(self._pose.rotation, place)
+        system = pose_path(start, goal, self._axes).system(self._chain)
+        return solve(self._chain, guess, system, max_iterations=_MAX_ITERATIONS)
 
     def _keep(self, cell: tuple[int, int], q: Configuration) -> None:
-        split = split_jacobians(self._chain, q, self._generic, self._length)
+        split = split_jacobians(self._chain.at(q), self._generic, self._length)
         self.q[cell] = q
         for kind, measure in split.measures.items():
             self.measures[kind][cell] = measure.value

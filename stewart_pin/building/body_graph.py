@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import Joint, JointKind, Loop
 from stewart_pin.model.tree import link_frame
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import FloatArray
 
 

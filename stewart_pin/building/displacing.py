@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.closure.newton import close_loops
 from stewart_pin.errors import InputError
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import Mechanism
-from stewart_pin.model.geometry_parameters import (
+from stewart_pin.model.tree import build_tree
+from stewart_pin.model.validation import validate
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.geometry_parameters import (
     Attachment,
     Displacement,
     GeometryParameter,
     geometry_parameters,
 )
-from stewart_pin.model.tree import build_tree
-from stewart_pin.model.validation import validate
+from stewart_pin.state.newton import close_loops
 from stewart_pin.typing import FloatArray
 
 _Moves = dict[tuple[str, Attachment], FloatArray]

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from stewart_pin.errors import InputError
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import Mechanism
 from stewart_pin.model.formats.dialect import dialects
 from stewart_pin.model.formats.mjcf.writing import write_mjcf_file
+from stewart_pin.state.chain import ClosedChain
 
 
 def write_urdf(chain: ClosedChain, path: str | Path) -> None:

@@ -9,9 +9,9 @@ import pinocchio as pin
 
 from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError
-from stewart_pin.model.chain import ClosedChain, as_pose
 from stewart_pin.model.description import Joint, JointKind, Link
 from stewart_pin.model.validation import is_massless
+from stewart_pin.state.chain import ClosedChain, as_pose
 from stewart_pin.typing import ArrayLike
 
 FLOATING_JOINT = "floating_base"

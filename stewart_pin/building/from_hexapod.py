@@ -10,8 +10,8 @@ import pinocchio as pin
 from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY, Hexapod
-from stewart_pin.model.chain import ClosedChain, as_pose
 from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
+from stewart_pin.state.chain import ClosedChain, as_pose
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _SWING = 1.5

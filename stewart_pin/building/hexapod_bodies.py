@@ -8,9 +8,9 @@ import pinocchio as pin
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies, LowerJoint, RigidBody
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.fixed_links import fixed_to
 from stewart_pin.model.tree import link_frame
+from stewart_pin.state.chain import ClosedChain
 
 _SAME = 1e-9
 """Deviation between the link frames and the leg frames of the closed form that is round-off [m and 1]."""

@@ -1,37 +1,46 @@
-"""The home configuration: as the file gives it, or found, with the loops closed."""
+"""The home configuration: as the file gives it, or found near it, with the loops closed and inside the joint limits."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import lsq_linear
 
-from stewart_pin.closure.configurations import clipped, limit_violations, random_configuration, unwound
-from stewart_pin.closure.newton import Closure, System, close_loops, loop_system, solve
 from stewart_pin.errors import MechanismError
-from stewart_pin.model.chain import ClosedChain
-from stewart_pin.model.description import JointKind, Mechanism, Note, Outcome
-from stewart_pin.typing import Configuration, FloatArray
+from stewart_pin.model.description import JointKind, Note, Outcome
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.configurations import clipped, limit_violations, random_configuration, unwound
+from stewart_pin.state.loop_rows import opposed_loops
+from stewart_pin.state.newton import Closure, displaced, polish
+from stewart_pin.state.state import State
+from stewart_pin.tolerances import CLOSED
+from stewart_pin.typing import BoolArray, Configuration, FloatArray
 
 _ATTEMPTS = 16
 """Random configurations to start from."""
+_STEPS = 60
+"""Bounded Gauss-Newton steps from one start."""
 _ROUNDS = 10
-"""How often loops and limits are met in turn from one start."""
+"""Leaps by which joints of an assembled pose are carried inside their limits."""
 _LEAP = 0.6
-"""How far a joint of an assembled pose is moved at once towards its range, in robot sizes or radians."""
+"""How far a joint of an assembled pose is moved at once towards its range, in robot sizes or radians; also the largest
+bounded Gauss-Newton step."""
 _CLOSED_IN_FILE = 1e-3
 """How far closing the loops may move a joint of a home printed with few digits, in robot sizes and radians; also how
 far home may stand outside a joint limit. More is an error."""
+_ENOUGH = 1e-6
+"""Gap from which on Newton's method closes the rest without moving a joint noticeably."""
 
 
 def settle_home(chain: ClosedChain) -> ClosedChain:
     """Close the loops at home.
 
-    The description's home is refined by Newton's method. Joints that it does not name are searched for, from the
-    neutral configuration moved inside the joint limits and then from seeded random ones, while the others stay.
-    A home that is only a guess is searched for from there.
+    The description's home is closed by the shortest way. Joints that it does not name are searched for: from the
+    neutral configuration moved inside the joint limits, by bounded least squares, and then from seeded random ones,
+    each group of loops that share no joint for itself. Joints in no loop stay where they are. A home that is only a
+    guess is searched for from there.
 
     Parameters
     ----------
@@ -51,33 +60,27 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
     if chain.mechanism.assembled:
         return _settle_assembled(chain)
     given = _named_entries(chain)
-    best, fault = np.inf, ""
-    for guess in _guesses(chain, given):
-        closure = _close(chain, guess, given)
-        best = min(best, closure.gap)
-        if closure.flipped:
-            fault = (
-                fault
-                or f"the frames of loop '{closure.flipped}' point against each other; turn one by half a turn"
-            )
-        if not closure.success:
-            continue
-        q = closure.q
-        found = _moved(chain, guess, q, given) or _beyond_limits(chain, q)
-        if not found:
-            return replace(chain, q_home=q, mechanism=_with_home_note(chain, q))
-        fault = fault or found
-    raise MechanismError(
-        f"no home configuration: {fault or f'the loops do not close, the smallest gap found is {best:.3g} m'}; "
-        "correct the origins of the loops, or the home (<group_state name='home'> or keyframe of the file)",
-        path=chain.mechanism.source,
-        culprit="home",
-    )
+    guess = _alone_inside(chain, home_guess(chain), given)
+    direct = polish(chain, guess)
+    faults = [_fault(chain, guess, direct, given)]
+    if not faults[0]:
+        return _with_home(chain, direct.q)
+    q = guess
+    for group in _groups(chain):
+        found = _search(chain, q, given, group)
+        if found is None:
+            raise _no_home(chain, guess, given, faults[0])
+        q = found
+    closure = polish(chain, q)
+    fault = _fault(chain, guess, closure, given)
+    if fault:
+        raise _no_home(chain, guess, given, fault)
+    return _with_home(chain, closure.q)
 
 
 def _settle_assembled(chain: ClosedChain) -> ClosedChain:
     """Carry joints that the file puts beyond their limits inside, the loops closed; stay where they do not allow it."""
-    start = close_loops(chain, home_guess(chain, inside=False), throw=False)
+    start = polish(chain, home_guess(chain, inside=False))
     if not start.success:
         raise MechanismError(
             f"no home configuration: the loops do not close where the file places its links: the gap is "
@@ -87,7 +90,7 @@ def _settle_assembled(chain: ClosedChain) -> ClosedChain:
         )
     outside = limit_violations(chain, start.q, _CLOSED_IN_FILE)
     if not outside:
-        return replace(chain, q_home=start.q)
+        return chain.with_home(start.q)
     q = _carry_inside(chain, start.q, list(outside))
     found = limit_violations(chain, q, _CLOSED_IN_FILE)
     worst = next(iter(outside))
@@ -95,8 +98,7 @@ def _settle_assembled(chain: ClosedChain) -> ClosedChain:
         "they were moved inside" if not found else "the loops let them no further, and it stays there"
     )
     note = Note(f"joint '{worst}'", text, Outcome.CHANGED)
-    mechanism = replace(chain.mechanism, notes=(*chain.mechanism.notes, note))
-    return replace(chain, q_home=start.q if found else q, mechanism=mechanism)
+    return chain.with_home(start.q if found else q, note)
 
 
 def _carry_inside(chain: ClosedChain, q: Configuration, joints: list[str]) -> Configuration:
@@ -107,7 +109,7 @@ def _carry_inside(chain: ClosedChain, q: Configuration, joints: list[str]) -> Co
     for _ in range(_ROUNDS):
         step = np.zeros(chain.nv)
         step[entries] = np.clip(pin.difference(chain.model, q, target)[entries], -longest, longest)
-        closure = close_loops(chain, pin.integrate(chain.model, q, step), throw=False)
+        closure = polish(chain, pin.integrate(chain.model, q, step))
         if not closure.success:
             return q
         q = closure.q
@@ -117,7 +119,7 @@ def _carry_inside(chain: ClosedChain, q: Configuration, joints: list[str]) -> Co
 
 
 def home_guess(chain: ClosedChain, *, inside: bool = True) -> Configuration:
-    """Assemble the home of the file; joints it does not name are neutral, or mid-way between their limits.
+    """Assemble the home of the file; joints it does not name are neutral, or at the limit that is nearest to that.
 
     Parameters
     ----------
@@ -137,7 +139,7 @@ def home_guess(chain: ClosedChain, *, inside: bool = True) -> Configuration:
         If a value has the wrong size.
     """
     q = pin.neutral(chain.model)
-    q = clipped(chain, q) if inside else q
+    q = np.clip(q, chain.model.lowerPositionLimit, chain.model.upperPositionLimit) if inside else q
     for name, values in chain.mechanism.home.items():
         if chain.mechanism.joint(name).kind is JointKind.FIXED:
             continue
@@ -158,7 +160,7 @@ def home_guess(chain: ClosedChain, *, inside: bool = True) -> Configuration:
     return pin.normalize(chain.model, q)
 
 
-def _named_entries(chain: ClosedChain) -> np.ndarray:
+def _named_entries(chain: ClosedChain) -> BoolArray:
     """Mark the tangent entries of the joints that the home names: (nv,) of bool."""
     named = np.zeros(chain.nv, dtype=bool)
     if chain.mechanism.home_is_guess:
@@ -168,55 +170,187 @@ def _named_entries(chain: ClosedChain) -> np.ndarray:
     return named
 
 
-def _guesses(chain: ClosedChain, given: np.ndarray) -> Iterator[Configuration]:
-    first = home_guess(chain)
-    yield first
-    if given.all():
+def _alone_inside(chain: ClosedChain, q: Configuration, given: BoolArray) -> Configuration:
+    """Bring joints in no loop, that the home does not name, to the nearest value within their limits."""
+    alone = ~given
+    for _, entries in _groups(chain):
+        alone &= ~entries
+    inside = np.clip(q, chain.model.lowerPositionLimit, chain.model.upperPositionLimit)
+    return np.where(_in_configuration(chain, alone), inside, q)
+
+
+def _fault(chain: ClosedChain, guess: Configuration, closure: Closure, given: BoolArray) -> str:
+    """Say what keeps a configuration from being home."""
+    if not closure.success:
+        if "axes against each other" in closure.reason:
+            loop = closure.reason.split("'")[1]
+            return f"the frames of loop '{loop}' point against each other; turn one by half a turn"
+        return f"the loops do not close, the smallest gap found is {closure.gap:.3g} m"
+    return _moved(chain, guess, closure.q, given) or _beyond_limits(chain, closure.q)
+
+
+def _groups(chain: ClosedChain) -> list[tuple[BoolArray, BoolArray]]:
+    """Rows and tangent entries of each set of loops that share joints with no other set."""
+    touched = chain.loop_table.row_difference != 0
+    coupling = chain.loop_table.coupling
+    for k, row in enumerate(coupling.index):
+        touched[row, [entry for entry in (coupling.v1[k], coupling.v2[k]) if entry >= 0]] = True
+    # Entries of one joint move together.
+    for joint in chain.model.joints[1:]:
+        own = slice(joint.idx_v, joint.idx_v + joint.nv)
+        touched[:, own] = touched[:, own].any(axis=1, keepdims=True)
+    left = np.ones(chain.nc, dtype=bool)
+    groups: list[tuple[BoolArray, BoolArray]] = []
+    while left.any():
+        rows = np.zeros(chain.nc, dtype=bool)
+        rows[np.argmax(left)] = True
+        while True:
+            entries = touched[rows].any(axis=0)
+            more = touched[:, entries].any(axis=1) | rows
+            if (more == rows).all():
+                break
+            rows = more
+        groups.append((rows, entries))
+        left &= ~rows
+    return groups
+
+
+def _search(
+    chain: ClosedChain, start: Configuration, given: BoolArray, group: tuple[BoolArray, BoolArray]
+) -> Configuration | None:
+    """Close one group of loops inside the limits, from near the start first; the other joints stay."""
+    rows, entries = group
+    for guess in _guesses(chain, start, entries & ~given):
+        q = _bounded(chain, guess, given, rows, entries)
+        if q is not None:
+            return q
+    return None
+
+
+def _guesses(chain: ClosedChain, start: Configuration, free: BoolArray) -> Iterator[Configuration]:
+    yield start
+    if not free.any():
         return
+    moving = _in_configuration(chain, free)
+    yield np.where(moving, clipped(chain, _outermost(chain, start)), start)
     rng = np.random.default_rng(0)
     for _ in range(_ATTEMPTS):
-        yield np.where(_in_configuration(chain, given), first, random_configuration(chain, rng))
+        yield np.where(moving, random_configuration(chain, rng), start)
 
 
-def _close(chain: ClosedChain, guess: Configuration, given: np.ndarray) -> Closure:
-    """Close the loops; joints that are searched for are brought inside their limits in turn with it."""
-    if given.all():
-        return close_loops(chain, guess, throw=False)
-    held = _in_configuration(chain, given)
-    start, closure = guess, Closure(q=guess, gap=np.inf, iterations=0, success=False)
-    for _ in range(_ROUNDS):
-        near = _hold(chain, start, given) if given.any() else start
-        closure = close_loops(chain, near, throw=False)
-        if not closure.success:
+def _outermost(chain: ClosedChain, q: Configuration) -> Configuration:
+    """Put coordinates that stand at a limit just beyond it, so that `clipped` takes them to the middle."""
+    lower, upper = chain.model.lowerPositionLimit, chain.model.upperPositionLimit
+    return np.where(q <= lower, q - 1.0, np.where(q >= upper, q + 1.0, q))
+
+
+def _bounded(
+    chain: ClosedChain, guess: Configuration, given: BoolArray, rows: BoolArray, entries: BoolArray
+) -> Configuration | None:
+    """Gauss-Newton steps within the limits until the rows of a group are nearly closed, then to the last bit."""
+    state = chain.at(pin.normalize(chain.model, np.array(guess)))
+    free = np.flatnonzero(entries)
+    residual = (state.gap / chain.row_sizes)[rows]
+    damping = 1e-3
+    for _ in range(_STEPS):
+        if np.abs(residual).max() < _ENOUGH:
             break
-        q = np.where(held, closure.q, unwound(chain, closure.q))
-        closure = replace(closure, q=q)
-        if not _beyond_limits(chain, q):
+        lower, upper = _room(chain, state.q, guess, given)
+        jacobian = state.rows[rows][:, free]
+        system = np.vstack([jacobian, damping * np.eye(free.size)])
+        right = np.concatenate([-residual, np.zeros(free.size)])
+        step = np.zeros(chain.nv)
+        step[free] = lsq_linear(system, right, bounds=(lower[free], upper[free])).x
+        trial = displaced(state, step)
+        left = (trial.gap / chain.row_sizes)[rows]
+        if np.linalg.norm(left) < np.linalg.norm(residual):
+            state, residual, damping = trial, left, max(damping / 5, 1e-9)
+        elif damping > 1e3:
+            return None
+        else:
+            damping *= 5
+    else:
+        return None
+    closed = _closed_group(chain, state, rows, free)
+    if closed is None or _moved(chain, guess, closed, given):
+        return None
+    q = np.where(_in_configuration(chain, entries & ~given), unwound(chain, closed), closed)
+    return None if limit_violations(chain, q, _CLOSED_IN_FILE, np.flatnonzero(entries)) else q
+
+
+def _closed_group(
+    chain: ClosedChain, state: State, rows: BoolArray, free: np.ndarray
+) -> Configuration | None:
+    """Close the rows of a group to the last bit, whatever their rank: damped by the size of the gap."""
+    for _ in range(_STEPS):
+        residual = (state.gap / chain.row_sizes)[rows]
+        worst = float(np.abs(residual).max())
+        if worst <= max(CLOSED / 10, state.round_off / 10):
             break
-        start = np.where(held, guess, clipped(chain, q))
-    return closure
+        u, s, vt = np.linalg.svd(state.rows[rows][:, free], full_matrices=False)
+        step = np.zeros(chain.nv)
+        step[free] = -vt.T @ ((s / (s**2 + worst**2)) * (u.T @ residual))
+        trial = displaced(state, step)
+        if not np.abs(trial.gap / chain.row_sizes)[rows].max() < worst:
+            break
+        state = trial
+    closed = np.abs(state.gap / chain.row_sizes)[rows].max() <= max(CLOSED, state.round_off)
+    # A loop of another group may still be open, and look like one that is closed the wrong way round.
+    opposed = {
+        loop
+        for loop in opposed_loops(chain.loop_table, state.loops)
+        if rows[chain.loop_table.slices[loop]].any()
+    }
+    return np.array(state.q) if closed and not opposed else None
 
 
-def _in_configuration(chain: ClosedChain, entries: np.ndarray) -> np.ndarray:
+def _room(
+    chain: ClosedChain, q: Configuration, guess: Configuration, given: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """How far each tangent entry may go at once in natural units: to its limits, and named joints hardly at all."""
+    lower, upper = np.full(chain.nv, -_LEAP), np.full(chain.nv, _LEAP)
+    for joint in chain.model.joints[1:]:
+        if joint.nq == 1 and joint.nv == 1:
+            k, scale = joint.idx_v, chain.tangent_scale[joint.idx_v]
+            low, high = (
+                (float(limit[joint.idx_q]) - q[joint.idx_q]) / scale
+                for limit in (chain.model.lowerPositionLimit, chain.model.upperPositionLimit)
+            )
+            # A start outside its range, as a home with few digits may be, is not thrown back at once.
+            lower[k], upper[k] = max(lower[k], min(low, 0.0)), min(upper[k], max(high, 0.0))
+    moved = pin.difference(chain.model, guess, q) / chain.tangent_scale
+    lower[given] = -0.9 * _CLOSED_IN_FILE - moved[given]
+    upper[given] = 0.9 * _CLOSED_IN_FILE - moved[given]
+    return np.minimum(lower, -1e-12), np.maximum(upper, 1e-12)
+
+
+def _in_configuration(chain: ClosedChain, entries: BoolArray) -> BoolArray:
     """Carry a mark per tangent entry over to the configuration: (nq,) of bool."""
     return np.concatenate([np.full(joint.nq, entries[joint.idx_v]) for joint in chain.model.joints[1:]])
 
 
-def _hold(chain: ClosedChain, guess: Configuration, given: np.ndarray) -> Configuration:
-    """Close the loops as far as the given joints allow when they stay: a start from which they hardly move."""
-    loops = loop_system(chain)
-    rows = np.eye(chain.nv)[given]
+def _no_home(chain: ClosedChain, guess: Configuration, given: BoolArray, fault: str) -> MechanismError:
+    """Say why there is no home, by the best that can be had without limits."""
+    if "do not close" in fault:
+        smallest = polish(chain, guess)
+        for trial in _guesses(chain, guess, ~given):
+            closure = polish(chain, trial)
+            own = _fault(chain, guess, closure, given)
+            if closure.success and own:
+                fault = own
+                break
+            smallest = min(smallest, closure, key=lambda c: c.gap)
+        else:
+            fault = _fault(chain, guess, smallest, given) or fault
+    return MechanismError(
+        f"no home configuration: {fault}; correct the origins of the loops, or the home (<group_state name='home'> or "
+        "keyframe of the file)",
+        path=chain.mechanism.source,
+        culprit="home",
+    )
 
-    def evaluate(data: pin.Data, q: Configuration) -> tuple[FloatArray, FloatArray]:
-        gap, jacobian = loops.evaluate(data, q)
-        kept = pin.difference(chain.model, guess, q)[given]
-        return np.concatenate([gap, kept]), np.vstack([jacobian, rows])
 
-    sizes = np.concatenate([loops.sizes, chain.tangent_scale[given]])
-    return solve(chain, guess, System(evaluate, sizes, "the home configuration")).q
-
-
-def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, given: np.ndarray) -> str:
+def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, given: BoolArray) -> str:
     moved = np.abs(pin.difference(chain.model, guess, q) / chain.tangent_scale) * given
     if moved.max(initial=0.0) <= _CLOSED_IN_FILE:
         return ""
@@ -224,14 +358,12 @@ def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, given: np
     return f"closing them moves joint '{chain.tangent_names[worst]}' by {moved[worst]:.3g} robot sizes or radians"
 
 
-def _with_home_note(chain: ClosedChain, q: Configuration) -> Mechanism:
-    """Tell in the report when a home that was only a guess is another configuration than the file's."""
-    mechanism = chain.mechanism
+def _with_home(chain: ClosedChain, q: Configuration) -> ClosedChain:
+    """Set home, and tell in the report when one that was only a guess is another configuration than the file's."""
     moved = _moved(chain, home_guess(chain), q, np.ones(chain.nv, dtype=bool))
-    if not (mechanism.home_is_guess and moved):
-        return mechanism
-    note = Note("home", f"{moved}, as loops and limits demand", Outcome.CHANGED)
-    return replace(mechanism, notes=(*mechanism.notes, note))
+    if not (chain.mechanism.home_is_guess and moved):
+        return chain.with_home(q)
+    return chain.with_home(q, Note("home", f"{moved}, as loops and limits demand", Outcome.CHANGED))
 
 
 def _beyond_limits(chain: ClosedChain, q: Configuration) -> str:

@@ -13,16 +13,13 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.building.loading import build_chain
-from stewart_pin.closure.equations import loop_gap, row_sizes
-from stewart_pin.closure.newton import close_loops
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.model.description import Coupling, Joint, JointKind
 from stewart_pin.model.tree import link_frame
+from stewart_pin.state.chain import ClosedChain, as_configuration
+from stewart_pin.state.newton import close_loops
 from stewart_pin.typing import ArrayLike, Configuration
 
-_CLOSED = 1e-6
-"""Largest gap of a configuration that counts as closed, in robot sizes or radians: printed digits, no wrong state."""
 _FLAT = 1e-9
 """Slope of a coupling, relative to its coefficients, at which its follower does not hold the joint that it follows."""
 
@@ -114,13 +111,7 @@ def _names(chain: ClosedChain, joints: Sequence[str]) -> set[str]:
 
 def _closed(chain: ClosedChain, q: Configuration) -> Configuration:
     """Check that the loops are closed, and close them to round-off: locked joints leave no room for it later."""
-    open_by = np.abs(loop_gap(chain, q)) / row_sizes(chain)
-    if open_by.max(initial=0.0) > _CLOSED:
-        row = int(np.argmax(open_by))
-        raise InputError(
-            f"q does not keep the loops closed: {open_by[row]:.3g} robot sizes or radians are left over in "
-            f"{chain.loop_table.names[row]}; see close_loops"
-        )
+    chain.at(q).require_closed()
     return close_loops(chain, q).q
 
 

@@ -9,9 +9,9 @@ import pinocchio as pin
 
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind, Loop
 from stewart_pin.model.loop_rows import orthonormal_triad
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import FloatArray
 
 _SHARE = 0.25

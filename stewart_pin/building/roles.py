@@ -9,8 +9,8 @@ import pinocchio as pin
 
 from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError
-from stewart_pin.model.chain import ClosedChain, as_pose
 from stewart_pin.model.description import Joint, JointKind, Link, Mechanism
+from stewart_pin.state.chain import ClosedChain, as_pose
 
 
 def with_motors(chain: ClosedChain, motors: Sequence[str]) -> ClosedChain:

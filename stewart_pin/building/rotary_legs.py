@@ -8,8 +8,8 @@ import pinocchio as pin
 from stewart_pin.building.body_graph import BodyGraph, Edge
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.rotary import RotaryLegs
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9

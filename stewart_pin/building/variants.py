@@ -11,11 +11,11 @@ import pinocchio as pin
 from stewart_pin.building.loading import build_chain
 from stewart_pin.building.roles import require_link, with_fixed_link
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.model.chain import ClosedChain, as_pose
 from stewart_pin.model.description import Link
 from stewart_pin.model.fixed_links import fixed_to
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import validate
+from stewart_pin.state.chain import ClosedChain, as_pose
 
 
 def replace_inertias(chain: ClosedChain, inertias: Mapping[str, pin.Inertia]) -> ClosedChain:

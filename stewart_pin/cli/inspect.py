@@ -11,7 +11,6 @@ from rich.table import Table
 
 from stewart_pin.building.loading import load
 from stewart_pin.cli.output import console, write_json
-from stewart_pin.mechanics.generic import SAMPLES
 from stewart_pin.mechanics.mobility import Mobility, mobility
 
 _SHOWN = 12
@@ -64,19 +63,15 @@ def inspect(
 def _seen(report: Mobility) -> str:
     """Say at how many configurations the freedoms were counted, and where they differ."""
     count = len(report.dof_samples)
-    if not count:
-        return f"at home only: none of {SAMPLES} random configurations near it closed"
     if {*report.dof_samples, report.dof_home} == {report.dof}:
-        return f"at home and at {count} of {SAMPLES} random configurations near it"
+        return f"at home and at {count} random configurations near it"
     return (
-        f"the least of home ({report.dof_home}) and {count} of {SAMPLES} random configurations near it "
-        f"({', '.join(map(str, report.dof_samples))})"
+        f"of {count} random configurations near home ({', '.join(map(str, report.dof_samples))}); at home "
+        f"{report.dof_home}"
     )
 
 
 def _home(report: Mobility) -> str:
-    if not report.dof_samples:
-        return "not known"
     return "yes: it moves, or is held, otherwise than nearby" if report.home_singular else "no"
 
 

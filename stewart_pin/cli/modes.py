@@ -20,7 +20,7 @@ from stewart_pin.geometry.planar import PlanarRPR
 from stewart_pin.geometry.planar_modes import planar_assembly_modes
 from stewart_pin.geometry.rotations import rpy_from_rotation
 from stewart_pin.mechanics.kinematics import motor_positions
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.viz.assembly_modes import plot_assembly_modes
 from stewart_pin.viz.figures import save_figure
 from stewart_pin.viz.planar import plot_poses

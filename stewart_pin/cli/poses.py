@@ -8,7 +8,7 @@ import pinocchio as pin
 from stewart_pin.cli.output import parse_numbers
 from stewart_pin.geometry.rotations import rotation_from_rpy, rpy_from_rotation
 from stewart_pin.mechanics.kinematics import inverse_kinematics
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
 
 
 def configuration_of(chain: ClosedChain, pose: str | None, limits: bool) -> np.ndarray:

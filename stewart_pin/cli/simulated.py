@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.mechanics.kinematics import State, platform_motion
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.mechanics.kinematics import platform_motion
 from stewart_pin.motion.control import (
     ComputedTorque,
     Feedforward,
@@ -19,6 +18,8 @@ from stewart_pin.motion.control import (
 )
 from stewart_pin.motion.simulation.record import Simulation
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State
 from stewart_pin.viz.figures import new_figure
 
 CONTROLLERS = ("none", "gravity", "leg_pid", "point_mass", "full_feedforward", "computed_torque")

@@ -21,9 +21,9 @@ from stewart_pin.cli.output import console, progress_bar, write_json
 from stewart_pin.cli.ranges import parse_range
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.kinematics import platform_pose
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
 from stewart_pin.motion.trajectories import PlatformSamples, sinusoidal_motion
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.studies.demand_sweep import sweep_demand
 from stewart_pin.studies.record import Sweep
 from stewart_pin.viz.figures import save_figure

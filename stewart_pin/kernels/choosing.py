@@ -8,7 +8,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from stewart_pin.closure.newton import TOLERANCE
 from stewart_pin.errors import (
     ActuationError,
     InputError,
@@ -23,13 +22,14 @@ from stewart_pin.kernels.programs.preparing import prepare
 from stewart_pin.kernels.programs.program import Program
 from stewart_pin.kernels.programs.status import StateBound
 from stewart_pin.kernels.running.single_state import SingleState
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.tolerances import CLOSED
 
 MANY_CALLS = 100_000
 """Calls of one state below which compiling, a second and a half, takes longer than it saves: 15 microseconds a call, of
 62 a step."""
-_NEARLY_CLOSED = TOLERANCE**0.5
-"""Gap in robot sizes up to which one factorisation serves position and velocity: one step leaves `TOLERANCE` of it."""
+_NEARLY_CLOSED = CLOSED**0.5
+"""Gap in robot sizes up to which one factorisation serves position and velocity: one step leaves `CLOSED` of it."""
 HANDFUL = 300
 """States below which the verbs of one state, at a few milliseconds each, are through before kernels are compiled."""
 
@@ -154,7 +154,7 @@ def _compiled_tree(chain: ClosedChain, thread: int) -> SimulationKernels:
     acceleration = SingleState(_tree_program(chain, "tree_forward_dynamics"), (), dtype, "llvm")
     if not chain.nc:
         return SimulationKernels(acceleration, None)
-    bounds = [StateBound("before", upper=_NEARLY_CLOSED), StateBound("left", upper=TOLERANCE)]
+    bounds = [StateBound("before", upper=_NEARLY_CLOSED), StateBound("left", upper=CLOSED)]
     projection = SingleState(_tree_program(chain, "tree_projection"), bounds, dtype, "llvm")
     return SimulationKernels(acceleration, projection)
 

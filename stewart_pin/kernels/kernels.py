@@ -12,7 +12,7 @@ from stewart_pin.kernels.verbs.derivatives import DerivativeVerbs
 from stewart_pin.kernels.verbs.dynamics import DynamicsVerbs
 from stewart_pin.kernels.verbs.geometry import GeometryVerbs
 from stewart_pin.kernels.verbs.kinematics import KinematicsVerbs
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
 
 
 class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):

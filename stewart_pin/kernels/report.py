@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stewart_pin.mechanics.freedom import TWIST_AXES
+from stewart_pin.state.freedom import TWIST_AXES
 
 if TYPE_CHECKING:
     from stewart_pin.kernels.graph.function_set import FunctionSet

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import proxsuite
 
-from stewart_pin.closure.newton import RANK
 from stewart_pin.errors import ConvergenceError, InputError
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -19,7 +18,7 @@ _UNLIMITED = 1e10
 """"No limit" in the quadratic programme, relative to the load."""
 
 
-def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike) -> FloatArray:
+def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike, rank: int) -> FloatArray:
     """Find the least-norm efforts within limits that carry a load.
 
     Parameters
@@ -30,6 +29,8 @@ def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike) -> Fl
         (dof,) what the motions need [N, N m].
     limit
         (nu,) or one number: largest absolute effort, inf for none [N or N m].
+    rank
+        Number of independent rows of the share.
 
     Returns
     -------
@@ -47,9 +48,8 @@ def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike) -> Fl
     bound = _bounds(limit, nu)
     # Dependent rows (idle freedoms carry no load) are taken out, and the load is scaled to about one.
     u, s, vt = np.linalg.svd(share, full_matrices=False)
-    keep = s > RANK * s.max(initial=0.0)
     size = max(1.0, float(np.abs(load).max(initial=0.0)))
-    rows, goal = vt[keep], (u[:, keep].T @ load) / (s[keep] * size)
+    rows, goal = vt[:rank], (u[:, :rank].T @ load) / (s[:rank] * size)
     qp = proxsuite.proxqp.dense.QP(nu, rows.shape[0], nu)
     qp.settings.eps_abs = _ACCURACY
     qp.settings.max_iter = 10_000
@@ -84,7 +84,7 @@ def _polished(efforts: FloatArray, rows: FloatArray, goal: FloatArray, box: Floa
     """Put efforts at a limit exactly there and solve for the others: round-off instead of the solver's accuracy."""
     held = np.abs(efforts) > box - _AT_LIMIT
     exact = np.where(held, np.copysign(box, efforts), 0.0)
-    exact[~held] = np.linalg.lstsq(rows[:, ~held], goal - rows @ exact, rcond=RANK)[0]
+    exact[~held] = np.linalg.lstsq(rows[:, ~held], goal - rows @ exact, rcond=None)[0]
     fits = (np.abs(exact) <= box * (1 + 1e-12)).all() and np.abs(exact - efforts).max(
         initial=0.0
     ) < 10 * _AT_LIMIT

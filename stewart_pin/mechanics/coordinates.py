@@ -9,15 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.capability.platform_space import platform_space
-from stewart_pin.mechanics.freedom import TWIST_AXES, Freedom
-from stewart_pin.mechanics.platform import motion_matrix, platform_bias
-from stewart_pin.model.chain import ClosedChain
-from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.freedom import TWIST_AXES
+from stewart_pin.state.state import State
+from stewart_pin.typing import ArrayLike, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,19 +46,13 @@ class Coordinates:
     basis: FloatArray | None = None
 
 
-def choose_coordinates(
-    chain: ClosedChain, q: Configuration, freedom: Freedom, coordinates: str | Sequence[str] | ArrayLike
-) -> Coordinates:
+def choose_coordinates(state: State, coordinates: str | Sequence[str] | ArrayLike) -> Coordinates:
     """Turn what a caller asks for into rows.
 
     Parameters
     ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
-    freedom
-        Its motions there.
+    state
+        State with closed loops.
     coordinates
         ``"motor"``; ``"platform"``; names of joints; or (6, n) twists [v; ω] of the platform origin in world axes,
         whose amounts are the coordinates [m/s, rad/s].
@@ -77,12 +70,14 @@ def choose_coordinates(
     UnsupportedError
         If the platform cannot move.
     """
+    chain = state.chain
     if isinstance(coordinates, str):
         if coordinates == "motor":
-            rows = np.eye(chain.nv)[chain.motor_index]
-            return Coordinates("motor", chain.motors, rows, chain.tangent_scale[chain.motor_index])
+            return Coordinates(
+                "motor", chain.motors, chain.motor_rows, chain.tangent_scale[chain.motor_index]
+            )
         if coordinates == "platform":
-            return _platform_coordinates(chain, q, freedom)
+            return _platform_coordinates(state)
         raise InputError(
             f"coordinates must be 'motor', 'platform', a list of joints or (6, n) twists, got {coordinates!r}"
         )
@@ -97,22 +92,18 @@ def choose_coordinates(
     names = tuple(f"mode {k + 1}" for k in range(basis.shape[1]))
     # Twists in robot sizes: lengths count in units of the size.
     sizes = np.full(basis.shape[1], chain.length_scale)
-    return _twist_coordinates(chain, q, basis, names, sizes)
+    return _twist_coordinates(state, basis, names, sizes)
 
 
-def rows_rate(chain: ClosedChain, q: Configuration, v: Tangent, chosen: Coordinates) -> FloatArray:
+def rows_rate(state: State, chosen: Coordinates) -> FloatArray:
     """Differentiate the rows of coordinates along a velocity.
 
     Parameters
     ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration [m, rad, unit quaternions].
-    v
-        (nv,) tangent velocity [m/s, rad/s].
+    state
+        State that moves.
     chosen
-        Coordinates at q.
+        Coordinates there.
 
     Returns
     -------
@@ -121,27 +112,18 @@ def rows_rate(chain: ClosedChain, q: Configuration, v: Tangent, chosen: Coordina
     """
     if chosen.basis is None:
         return np.zeros_like(chosen.rows)
-    data = pin.Data(chain.model)
-    pin.computeJointJacobiansTimeVariation(chain.model, data, q, v)
-    pin.updateFramePlacement(chain.model, data, chain.platform_id)
-    axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    rate = pin.getFrameJacobianTimeVariation(chain.model, data, chain.platform_id, axes)
-    return _amounts(chain, chosen.basis) @ rate.reshape(6, -1)
+    return _amounts(state.chain, chosen.basis) @ state.P_rate
 
 
-def rows_bias(chain: ClosedChain, q: Configuration, v: Tangent, chosen: Coordinates) -> FloatArray:
+def rows_bias(state: State, chosen: Coordinates) -> FloatArray:
     """Compute the acceleration of coordinates that is there without tangent acceleration.
 
     Parameters
     ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration [m, rad, unit quaternions].
-    v
-        (nv,) tangent velocity [m/s, rad/s].
+    state
+        State that moves.
     chosen
-        Coordinates at q.
+        Coordinates there.
 
     Returns
     -------
@@ -150,7 +132,7 @@ def rows_bias(chain: ClosedChain, q: Configuration, v: Tangent, chosen: Coordina
     """
     if chosen.basis is None:
         return np.zeros(len(chosen.names))
-    return _amounts(chain, chosen.basis) @ platform_bias(chain, q, v)
+    return _amounts(state.chain, chosen.basis) @ state.platform_bias
 
 
 def joint_index(chain: ClosedChain, argument: str, joints: Sequence[str]) -> np.ndarray:
@@ -194,27 +176,27 @@ def joint_index(chain: ClosedChain, argument: str, joints: Sequence[str]) -> np.
     return np.array(index, dtype=int)
 
 
-def _platform_coordinates(chain: ClosedChain, q: Configuration, freedom: Freedom) -> Coordinates:
-    space = platform_space(chain, q, freedom, None)
+def _platform_coordinates(state: State) -> Coordinates:
+    chain, space = state.chain, platform_space(state, None)
     if space.aligned is not None:
         axes = list(space.aligned)
         sizes = np.where(np.array(axes) < 3, chain.length_scale, 1.0)
-        return _twist_coordinates(chain, q, np.eye(6)[:, axes], tuple(TWIST_AXES[k] for k in axes), sizes)
+        return _twist_coordinates(state, np.eye(6)[:, axes], tuple(TWIST_AXES[k] for k in axes), sizes)
     names = tuple(f"mode {k + 1}" for k in range(space.basis.shape[1]))
     basis = space.basis / np.repeat([1.0, space.length], 3)[:, None]
-    return _twist_coordinates(chain, q, basis, names, np.full(len(names), chain.length_scale))
+    return _twist_coordinates(state, basis, names, np.full(len(names), chain.length_scale))
 
 
 def _twist_coordinates(
-    chain: ClosedChain, q: Configuration, basis: FloatArray, names: tuple[str, ...], sizes: FloatArray
+    state: State, basis: FloatArray, names: tuple[str, ...], sizes: FloatArray
 ) -> Coordinates:
-    rows = _amounts(chain, basis) @ motion_matrix(chain, q)[chain.nc :]
+    rows = _amounts(state.chain, basis) @ state.P
     return Coordinates("platform", names, rows, sizes, basis)
 
 
 def _amounts(chain: ClosedChain, basis: FloatArray) -> FloatArray:
     """Amount of each twist of the basis in a twist, by least squares with lengths in robot sizes: (n, 6)."""
-    sizes = np.repeat([chain.length_scale, 1.0], 3)
+    sizes = chain.twist_sizes
     scaled = basis / sizes[:, None]
     if np.linalg.matrix_rank(scaled) < basis.shape[1]:
         raise InputError("coordinates hold twists that depend on each other; pass a basis")

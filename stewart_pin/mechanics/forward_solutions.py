@@ -8,12 +8,12 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.checks import as_array
-from stewart_pin.closure.configurations import limit_violations, random_configuration, unwound
-from stewart_pin.closure.newton import Closure, solve
 from stewart_pin.errors import InputError
-from stewart_pin.mechanics.demands import motor_system
-from stewart_pin.mechanics.freedom import analyse_freedom
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.configurations import limit_violations, random_configuration, unwound
+from stewart_pin.state.newton import Closure, solve
+from stewart_pin.state.paths import motor_path
+from stewart_pin.state.state import State
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 _SAME = 1e-6
@@ -82,14 +82,15 @@ def all_forward_kinematics(
     if starts < 1:
         raise InputError(f"starts must be 1 or more, got {starts}")
     rng = np.random.default_rng(seed)
-    system = motor_system(chain, target)
+    home = chain.at(chain.q_home)
+    system = motor_path(home, target).system(chain)
     told_apart = _joints_told_apart(chain)
     found: list[tuple[FloatArray, Closure]] = []
     hits: list[int] = []
     for start in range(starts):
         guess = chain.q_home if start == 0 else random_configuration(chain, rng)
         closure = solve(chain, guess, system)
-        closure = replace(closure, q=unwound(chain, closure.q))
+        closure = replace(closure, state=State(chain, unwound(chain, closure.q)))
         if not closure.success or (limits and limit_violations(chain, closure.q, _SAME)):
             continue
         mark = _placements(chain, closure.q, told_apart)
@@ -113,7 +114,7 @@ def all_forward_kinematics(
 
 def _joints_told_apart(chain: ClosedChain) -> np.ndarray:
     """Joints whose placement no idle freedom changes."""
-    idle = np.abs(analyse_freedom(chain, chain.q_home).idle).max(axis=1, initial=0.0) > _SAME
+    idle = np.abs(chain.at(chain.q_home).freedom.idle).max(axis=1, initial=0.0) > _SAME
     moved = np.zeros(chain.model.njoints, dtype=bool)
     for k in range(1, chain.model.njoints):
         joint = chain.model.joints[k]

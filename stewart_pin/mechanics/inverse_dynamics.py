@@ -1,24 +1,40 @@
-"""Inverse dynamics by name of method."""
+r"""Inverse dynamics: which motor efforts make a chain move as asked.
+
+Everything follows from one equation of motion on the spanning tree,
+
+.. math:: M a + h = S^\top \tau + J_c^\top \lambda .
+
+Where loop rows and motors are as many as the tangent has entries and far from singular, the square system
+:math:`[J_c; S]^\top` gives both unknowns at once. Elsewhere N, a basis of the motions that keep the loops closed
+(J_c N = 0), splits the equation: Nᵀ times it gives the motor efforts without the reactions, the rest the reactions.
+"""
 
 from __future__ import annotations
 
+from typing import Literal, get_args
+
+import numpy as np
+
 from stewart_pin.errors import InputError
-from stewart_pin.mechanics.constrained import pinocchio_inverse_dynamics
+from stewart_pin.mechanics.bounded_efforts import bounded_efforts
 from stewart_pin.mechanics.constraint_matrix.solution import constraint_matrix_inverse_dynamics
 from stewart_pin.mechanics.effort import Effort
-from stewart_pin.model.chain import ClosedChain
-from stewart_pin.typing import ArrayLike
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.freedom import require_held
+from stewart_pin.state.state import Drive, State, as_state
+from stewart_pin.tolerances import NO_INERTIA
+from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
-METHODS = ("pinocchio", "constraint_matrix")
+Method = Literal["pinocchio", "constraint_matrix"]
 
 
 def inverse_dynamics(
-    chain: ClosedChain,
-    q: ArrayLike,
-    v: ArrayLike,
-    a: ArrayLike,
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    a: ArrayLike | None = None,
     *,
-    method: str = "pinocchio",
+    method: Method = "pinocchio",
     effort_limit: ArrayLike | None = None,
     throw: bool = True,
 ) -> Effort:
@@ -27,13 +43,13 @@ def inverse_dynamics(
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     v
-        (nv,) tangent velocity that keeps them closed [m/s, rad/s].
+        (nv,) tangent velocity that keeps them closed, with a chain [m/s, rad/s].
     a
-        (nv,) tangent acceleration that keeps them closed [m/s², rad/s²].
+        (nv,) tangent acceleration that keeps them closed, with a chain [m/s², rad/s²].
     method
         ``"pinocchio"``: RNEA and the loop Jacobian. ``"constraint_matrix"``: all bodies in maximal coordinates, an
         independent check.
@@ -55,6 +71,8 @@ def inverse_dynamics(
     ------
     ActuationError
         If the motors cannot hold the robot; carries the freedom left over and the smallest singular value.
+    SingularityError
+        If the loops have lost a row here.
     InputError
         If an argument is wrong, or the state does not keep the loops closed.
 
@@ -66,12 +84,134 @@ def inverse_dynamics(
     >>> stp.inverse_dynamics(chain, chain.q_home, rest, rest).tau_motor.round(2)
     array([49.99, 49.99, 49.99, 49.99, 49.99, 49.99])
     """
-    if method == "pinocchio":
-        return pinocchio_inverse_dynamics(chain, q, v, a, effort_limit=effort_limit, throw=throw)
-    if method != "constraint_matrix":
-        raise InputError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
-    if effort_limit is not None:
-        raise InputError(
-            "effort_limit is for method 'pinocchio'; 'constraint_matrix' gives the least-norm efforts"
-        )
-    return constraint_matrix_inverse_dynamics(chain, q, v, a, throw=throw)
+    state = as_state(chain, q, v, a)
+    a = state.require_accelerating()
+    if method not in get_args(Method):
+        raise InputError(f"method must be one of {', '.join(get_args(Method))}, got {method!r}")
+    if method == "pinocchio" and effort_limit is None and state.drive is not None:
+        return _by_drive(state, state.drive, a)
+    # What is singular is a property of the state, so that all methods refuse the same ones.
+    if throw:
+        require_held(state)
+    if method == "constraint_matrix":
+        if effort_limit is not None:
+            raise InputError(
+                "effort_limit is for method 'pinocchio'; 'constraint_matrix' gives the least-norm efforts"
+            )
+        return constraint_matrix_inverse_dynamics(state, a, throw=throw)
+    return _by_motions(state, a, effort_limit)
+
+
+def motor_efforts(state: State, a: Tangent) -> FloatArray:
+    """Compute the motor efforts of a motion without checks: for controllers, whose states are those of an integrator.
+
+    Parameters
+    ----------
+    state
+        State whose loops are closed or nearly so.
+    a
+        (nv,) tangent acceleration [m/s², rad/s²].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nu,) motor efforts, of least norm where they are not unique [N or N m].
+    """
+    drive = state.drive
+    return (_by_motions(state, a, None) if drive is None else _by_drive(state, drive, a)).tau_motor
+
+
+def _by_drive(state: State, drive: Drive, a: Tangent) -> Effort:
+    """Solve [J_c; S]ᵀ [λ; τ] = M a + nle, regular and square."""
+    chain = state.chain
+    scale, nc = chain.tangent_scale, chain.nc
+    needed = state.tree_efforts(a)
+    found = drive.solve_transposed(needed * scale)
+    left = needed * scale - drive.matrix.T @ found
+    return Effort(
+        tau_motor=found[nc:] / scale[chain.motor_index],
+        lambda_c=found[:nc] / chain.row_sizes,
+        unique=True,
+        reactions_unique=True,
+        a=a,
+        residual=float(np.abs(left / scale).max()),
+    )
+
+
+def _by_motions(state: State, a: Tangent, effort_limit: ArrayLike | None) -> Effort:
+    """Split the equation of motion by the motions that keep the loops closed."""
+    chain, freedom, usual = state.chain, state.freedom, state.chain.generic
+    needed, a = _let_idle_go(state, a, freedom.idle)
+    share = freedom.motions[chain.motor_index].T  # Nᵀ Sᵀ, (dof, nu)
+    load = freedom.motions.T @ needed
+    if effort_limit is None:
+        tau_motor = least_norm(share, load, freedom.count.motor)
+    else:
+        tau_motor = bounded_efforts(share, load, effort_limit, freedom.count.motor)
+    needed[chain.motor_index] -= tau_motor
+    lambda_c = least_reactions(state, needed)
+    return Effort(
+        tau_motor=tau_motor,
+        lambda_c=lambda_c,
+        unique=freedom.count.motor == chain.nu,
+        reactions_unique=usual.rank == chain.nc,
+        a=a,
+        residual=float(np.abs(needed - state.J_c.T @ lambda_c).max(initial=0.0)),
+    )
+
+
+def least_norm(matrix: FloatArray, right: FloatArray, rank: int) -> FloatArray:
+    """Solve a system by the least solution, with as many directions as it is known to have.
+
+    Parameters
+    ----------
+    matrix
+        (m, n) matrix [any unit].
+    right
+        (m,) right-hand side [any unit].
+    rank
+        Number of singular values to use.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n,) solution in the sense of least squares, in any unit.
+    """
+    u, s, vt = np.linalg.svd(matrix, full_matrices=False)
+    return vt[:rank].T @ ((u[:, :rank].T @ right) / s[:rank])
+
+
+def least_reactions(state: State, efforts: FloatArray) -> FloatArray:
+    """Find the reactions that carry joint efforts, of least norm where rows are redundant.
+
+    Parameters
+    ----------
+    state
+        The state.
+    efforts
+        (nv,) joint efforts to be carried [N, N m].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nc,) multipliers of the rows [N, N m].
+    """
+    chain, motions = state.chain, state.motions
+    found = motions.reactions(efforts * chain.tangent_scale) / chain.row_sizes
+    if motions.redundant.shape[1]:  # least in newtons and newton metres, not in natural units
+        beside = motions.redundant / chain.row_sizes[:, None]
+        found = found - beside @ np.linalg.lstsq(beside, found, rcond=None)[0]
+    return found
+
+
+def _let_idle_go(state: State, a: Tangent, idle: FloatArray) -> tuple[FloatArray, Tangent]:
+    """Tree efforts for the demanded acceleration, idle freedoms replaced by what their own inertia makes them do."""
+    needed = state.tree_efforts(a)
+    if not idle.shape[1]:
+        return needed, a
+    scale, inertia = state.chain.tangent_scale, state.M
+    moments, axes = np.linalg.eigh(idle.T @ inertia @ idle)
+    heavy = moments > NO_INERTIA * np.abs(scale[:, None] * inertia * scale).max()
+    axes = idle @ axes[:, heavy]
+    change = -axes @ ((axes.T @ needed) / moments[heavy])
+    return needed + inertia @ change, a + change

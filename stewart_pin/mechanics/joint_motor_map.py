@@ -15,17 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stewart_pin.closure.equations import row_sizes
-from stewart_pin.closure.newton import RANK
 from stewart_pin.errors import ActuationError
-from stewart_pin.mechanics.constrained import closed_state, named_motion
 from stewart_pin.mechanics.coordinates import joint_index
-from stewart_pin.mechanics.freedom import analyse_freedom, null_space
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State, as_state, named_motion
+from stewart_pin.tolerances import SINGULAR, TAKES_PART
 from stewart_pin.typing import ArrayLike, FloatArray
-
-_AT_REST = 1e-8
-"""Motion of a joint with the motors at rest that is round-off, in robot sizes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +53,9 @@ class JointMotorMap:
 
 
 def joint_motor_map(
-    chain: ClosedChain,
-    q: ArrayLike,
-    joints: Sequence[str],
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
+    joints: Sequence[str] = (),
     v: ArrayLike | None = None,
     *,
     motors: Sequence[str] | None = None,
@@ -70,9 +65,9 @@ def joint_motor_map(
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     joints
         Names of joints, for instance the two of an ankle; a ball joint stands for its three angular velocities.
     v
@@ -92,15 +87,15 @@ def joint_motor_map(
     InputError
         If a name is unknown, or the state does not keep the loops closed.
     """
-    state = closed_state(chain, q, np.zeros(chain.nv) if v is None else v)
+    state = as_state(chain, q, v).require_moving()
+    chain = state.chain
     to_joint = joint_index(chain, "joints", joints)
     to_motor = joint_index(chain, "motors", chain.motors if motors is None else motors)
-    scale = chain.tangent_scale
-    free = analyse_freedom(chain, state.q).motions / scale[:, None]
+    scale, free = chain.tangent_scale, state.motions.basis
     moved, driven = free[to_joint], free[to_motor]
-    resting, rank = null_space(driven)
+    resting, spread, rank = _resting(driven)
     left = moved @ resting
-    if np.abs(left).max(initial=0.0) > _AT_REST:
+    if np.abs(left).max(initial=0.0) > TAKES_PART:
         worst = resting @ np.linalg.svd(left)[2][0]
         direction = scale * (free @ worst)
         direction = direction / np.abs(direction).max()
@@ -112,11 +107,9 @@ def joint_motor_map(
             direction=direction,
             names=chain.tangent_names,
         )
-    J = moved @ np.linalg.pinv(driven, rcond=RANK)
-    J = scale[to_joint, None] * J / scale[to_motor]
+    J = scale[to_joint, None] * (moved @ spread) / scale[to_motor]
     # Any acceleration that keeps the loops closed will do: what two of them differ by, J maps as it should.
-    rows = state.jacobian * scale / row_sizes(chain)[:, None]
-    drift = -scale * np.linalg.lstsq(rows, state.bias / row_sizes(chain), rcond=RANK)[0]
+    drift = -scale * state.motions.across(state.loop_bias / chain.row_sizes)
     return JointMotorMap(
         J=J,
         bias=drift[to_joint] - J @ drift[to_motor],
@@ -128,7 +121,14 @@ def joint_motor_map(
 
 
 def _inverse(moved: FloatArray, driven: FloatArray, units: FloatArray) -> FloatArray | None:
-    resting, _ = null_space(moved)
-    if np.abs(driven @ resting).max(initial=0.0) > _AT_REST:
+    resting, spread, _ = _resting(moved)
+    if np.abs(driven @ resting).max(initial=0.0) > TAKES_PART:
         return None
-    return driven @ np.linalg.pinv(moved, rcond=RANK) * units
+    return driven @ spread * units
+
+
+def _resting(share: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+    """Motions that leave coordinates at rest, the pseudo-inverse of their share, and its rank."""
+    u, s, vt = np.linalg.svd(share)
+    rank = int(np.count_nonzero(s >= SINGULAR))
+    return vt[rank:].T, (vt[:rank].T / s[:rank]) @ u[:, :rank].T, rank

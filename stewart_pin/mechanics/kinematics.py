@@ -2,85 +2,70 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, overload
 
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import lapack
 
 from stewart_pin.checks import as_array
-from stewart_pin.closure.configurations import limit_violations
-from stewart_pin.closure.equations import loop_bias
-from stewart_pin.closure.newton import RANK, Closure, System, close_loops
-from stewart_pin.errors import ClosureError, UnreachableError
-from stewart_pin.mechanics.demands import approach, motor_system, pose_system
+from stewart_pin.errors import ClosureError, SingularityError, UnreachableError
 from stewart_pin.mechanics.forward_solutions import ForwardSolutions, all_forward_kinematics
-from stewart_pin.mechanics.platform import motion_matrix, platform_bias
-from stewart_pin.model.chain import ClosedChain, as_configuration, as_pose
-from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
+from stewart_pin.state.chain import ClosedChain, as_pose
+from stewart_pin.state.configurations import limit_violations
+from stewart_pin.state.freedom import TWIST_AXES, Motions, split_motions
+from stewart_pin.state.newton import Closure, close_loops
+from stewart_pin.state.paths import follow_path, motor_path, pose_path
+from stewart_pin.state.state import State, as_state
+from stewart_pin.tolerances import SINGULAR
+from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 _CONSISTENT = 1e-8
 """Part of a demanded motion that may be left over by round-off, relative to its size."""
 _AT_LIMIT = 1e-9
 """Excess over a joint limit that is still round-off, in robot sizes or radians."""
+_ALONG = 1e-6
+"""Part of a twist beside an axis that is round-off of a configuration with closed loops, in natural units."""
+_FAR_FROM_SINGULAR = 1e-4
+"""Reciprocal condition number of a square system from which on no singularity is near."""
 
 
-@dataclass(frozen=True, eq=False)
-class State:
-    """A motion of the whole chain at one instant.
-
-    Attributes
-    ----------
-    q
-        (nq,) configuration [m, rad, unit quaternions].
-    v
-        (nv,) tangent velocity [m/s, rad/s].
-    a
-        (nv,) tangent acceleration [m/s², rad/s²].
-    """
-
-    q: Configuration
-    v: Tangent
-    a: Tangent
-
-
-def platform_pose(chain: ClosedChain, q: ArrayLike) -> pin.SE3:
+def platform_pose(chain: ClosedChain | State, q: ArrayLike | None = None) -> pin.SE3:
     """Locate the platform frame.
 
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration [m, rad, unit quaternions].
+        (nq,) configuration, with a chain [m, rad, unit quaternions].
 
     Returns
     -------
     pinocchio.SE3
         oMp, the platform frame in the world.
     """
-    q = as_configuration(chain, "q", q)
-    data = pin.Data(chain.model)
-    pin.forwardKinematics(chain.model, data, q)
-    return pin.SE3(pin.updateFramePlacement(chain.model, data, chain.platform_id))
+    return pin.SE3(as_state(chain, q).pose)
 
 
-def motor_positions(chain: ClosedChain, q: ArrayLike) -> FloatArray:
+def motor_positions(chain: ClosedChain | State, q: ArrayLike | None = None) -> FloatArray:
     """Pick the motor coordinates out of a configuration.
 
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration [m, rad, unit quaternions].
+        (nq,) configuration, with a chain [m, rad, unit quaternions].
 
     Returns
     -------
     numpy.ndarray
         (nu,) in the order of ``chain.motors``; for a leg, its length [m or rad].
     """
-    return as_configuration(chain, "q", q)[chain.motor_q_index]
+    state = as_state(chain, q)
+    return state.q[state.chain.motor_q_index]
 
 
 def inverse_kinematics(
@@ -93,8 +78,8 @@ def inverse_kinematics(
 ) -> Closure:
     """Find the whole configuration of a platform pose.
 
-    Newton's method from the guess, on the loops and the pose together. Where it fails, the demand is approached in
-    stages, so that the solution stays on the assembly mode of the guess.
+    The pose is followed from that of the guess along the screw between the two, so that the solution stays on the
+    branch of the guess: the same assembly mode, elbows on the same side.
 
     Parameters
     ----------
@@ -117,22 +102,21 @@ def inverse_kinematics(
     Raises
     ------
     ClosureError
-        If the chain cannot take the pose; carries the residual reached.
+        If the chain cannot take the pose, or only on another branch, beyond a singularity; carries the residual.
     UnreachableError
         If a joint limit is exceeded; names the joints and their values.
+
+    Notes
+    -----
+    See `stewart_pin.state.paths` for what keeps the branch. From a guess that is singular itself, where branches meet,
+    any of them will do.
     """
     pose = as_pose("pose", pose)
     start = _start(chain, q_guess)
-    here = platform_pose(chain, start)
-    twist = pin.log6(here.inverse() * pose).vector
-
-    def demand(share: float) -> System:
-        # The end of the path is the pose itself, not its logarithm's exponential.
-        target = pose if share == 1.0 else here * pin.exp6(share * twist)
-        return pose_system(chain, target)
-
-    closure = approach(chain, start, demand, throw=throw)
-    return _within_limits(chain, closure, throw=throw) if limits else closure
+    closure = follow_path(start, pose_path(start, pose))
+    if not closure.success and throw:
+        closure.or_raise(_said_of_platform(start))
+    return _within_limits(closure, throw=throw) if limits else closure
 
 
 @overload
@@ -156,6 +140,9 @@ def forward_kinematics(
 ) -> Closure | ForwardSolutions:
     """Find the whole configuration of given motor positions, on the assembly mode of the guess.
 
+    The motors are followed from where they are at the guess, all in proportion, turns of continuous joints counted: the
+    assembly mode is kept along that path, or the answer is refused.
+
     Parameters
     ----------
     chain
@@ -178,18 +165,16 @@ def forward_kinematics(
     Raises
     ------
     ClosureError
-        If the loops do not close on these motor positions; carries the residual reached.
+        If the loops do not close on these motor positions, or the path to them ends at a singularity; carries the
+        residual reached.
     """
     target = as_array("q_motor", q_motor, (chain.nu,))
     if all:
         return all_forward_kinematics(chain, target)
     start = _start(chain, q_guess)
-    begin = motor_positions(chain, start)
-
-    def demand(share: float) -> System:
-        return motor_system(chain, target if share == 1.0 else begin + share * (target - begin))
-
-    return approach(chain, start, demand, throw=throw)
+    path = motor_path(start, target)
+    closure = follow_path(start, path)
+    return closure.or_raise(path.demand) if throw else closure
 
 
 def platform_motion(
@@ -234,76 +219,164 @@ def platform_motion(
     """
     twist = as_array("twist", twist, (6,))
     acceleration = as_array("acceleration", acceleration, (6,))
-    q = inverse_kinematics(chain, pose, q_guess=q_guess, limits=limits).q
-    matrix = motion_matrix(chain, q)
-    v = _follow(chain, q, matrix, np.concatenate([np.zeros(chain.nc), twist]), "twist")
-    bias = np.concatenate([loop_bias(chain, q, v), platform_bias(chain, q, v)])
-    demand = np.concatenate([np.zeros(chain.nc), acceleration])
-    a = _follow(chain, q, matrix, demand - bias, "acceleration")
-    return State(q=q, v=v, a=a)
+    placed = inverse_kinematics(chain, pose, q_guess=q_guess, limits=limits).state
+    follower = _Follower(placed)
+    v = follower.follow(np.zeros(chain.nc), twist, "twist")
+    moving = State(chain, placed.q, v)
+    a = follower.follow(-moving.loop_bias, acceleration - moving.platform_bias, "acceleration")
+    return State(chain, placed.q, v, a)
 
 
-def motor_jacobian(chain: ClosedChain, q: ArrayLike) -> FloatArray:
+def motor_jacobian(chain: ClosedChain | State, q: ArrayLike | None = None) -> FloatArray:
     """Map platform twists to motor rates.
 
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
 
     Returns
     -------
     numpy.ndarray
         (nu, 6) such that motor rates = J @ twist, twist [v; ω] of the platform origin in world axes
         [m/s or rad/s per m/s or rad/s]. For a platform with fewer than six freedoms, J acts on the twists it can do.
+
+    Raises
+    ------
+    SingularityError
+        If the platform has lost a freedom here (type I), or the loops have.
+    InputError
+        If the loops are open.
     """
-    q = as_configuration(chain, "q", q)
-    spread = np.linalg.pinv(motion_matrix(chain, q), rcond=RANK)
-    return spread[chain.motor_index][:, chain.nc :]
+    return _Follower(as_state(chain, q).require_regular()).rates()
 
 
-def _within_limits(chain: ClosedChain, closure: Closure, *, throw: bool) -> Closure:
+def platform_acceleration(state: State, acceleration: FloatArray) -> Tangent:
+    """Find the acceleration of the chain from that of the platform, without checks: for controllers.
+
+    Parameters
+    ----------
+    state
+        State whose loops are closed or nearly so.
+    acceleration
+        (6,) of the platform's origin, in world axes; what it cannot do is left out in least squares, in natural units
+        [m/s², rad/s²].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nv,) tangent acceleration that keeps the loops closed [m/s², rad/s²].
+    """
+    return _Follower(state).nearest(-state.loop_bias, acceleration - state.platform_bias)
+
+
+class _Follower:
+    """Motions of the whole chain that give loop rows and platform certain rates, at one configuration."""
+
+    def __init__(self, state: State) -> None:
+        chain, usual = state.chain, state.chain.generic
+        self._state, self._sizes, self._scale = state, chain.twist_sizes, chain.tangent_scale
+        self._factors: tuple[FloatArray, np.ndarray] | None = None
+        self._rows = state.P * self._scale / self._sizes[:, None]
+        if usual.rank == chain.nc and chain.nv == chain.nc + 6 == usual.rank + usual.count.platform:
+            matrix = np.concatenate([state.rows, self._rows])
+            factors, pivots, info = lapack.dgetrf(matrix)
+            norm = np.abs(matrix).sum(axis=0).max()
+            if info == 0 and lapack.dgecon(factors, norm)[0] > max(_FAR_FROM_SINGULAR, state.largest_gap):
+                self._factors = factors, pivots
+                return
+        self._split = self._platform_split(usual.count.platform)
+
+    def _platform_split(self, rank: int) -> Motions:
+        state = self._state
+        split = split_motions(self._rows @ state.motions.basis, rank)
+        if split.smallest < SINGULAR * state.chain.generic.usual_platform:
+            twist = split.left[:, -1] * self._sizes
+            raise SingularityError(
+                f"the platform has lost a freedom here (type I, smallest singular value {split.smallest:.3g}): it "
+                f"cannot move along {', '.join(f'{n} {x:+.3g}' for n, x in zip(TWIST_AXES, twist, strict=True) if x)}; "
+                "move away from this configuration",
+                smallest_singular_value=split.smallest,
+                direction=twist,
+                names=TWIST_AXES,
+            )
+        return split
+
+    def _least(self, rows: FloatArray, twist: FloatArray) -> FloatArray:
+        """Least motion for rates of loop rows and platform; all in natural units."""
+        if self._factors is not None:
+            return lapack.dgetrs(*self._factors, np.concatenate([rows, twist]))[0]
+        motions = self._state.motions
+        across = motions.across(rows)
+        return across + motions.basis @ self._split.across(twist - self._rows @ across)
+
+    def nearest(self, rows: FloatArray, twist: FloatArray) -> Tangent:
+        """Least tangent vector that meets a demand as nearly as can be."""
+        return self._least(rows / self._state.chain.row_sizes, twist / self._sizes) * self._scale
+
+    def follow(self, rows: FloatArray, twist: FloatArray, name: str) -> Tangent:
+        """Least tangent vector that meets a demand exactly, or an error."""
+        state = self._state
+        motion = self.nearest(rows, twist)
+        left = float(
+            np.abs(np.concatenate([state.J_c @ motion - rows, state.P @ motion - twist])).max(initial=0.0)
+        )
+        if left > _CONSISTENT * max(1.0, float(np.abs(twist).max()), float(np.abs(rows).max(initial=0.0))):
+            raise ClosureError(
+                f"the chain cannot follow this {name} here: {left:.3g} of it is left over; "
+                f"ask for a motion the platform can do{_freedoms_in_words(state)}",
+                residual=left,
+                iterations=0,
+                q=state.q,
+            )
+        return motion
+
+    def rates(self) -> FloatArray:
+        """(nu, 6) motor rates per twist."""
+        chain = self._state.chain
+        motion = self._least(np.zeros((chain.nc, 6)), np.diag(1 / self._sizes))
+        return chain.tangent_scale[chain.motor_index, None] * motion[chain.motor_index]
+
+
+def _said_of_platform(state: State) -> str:
+    return f"the pose{_freedoms_in_words(state)}"
+
+
+def _freedoms_in_words(state: State) -> str:
+    """Name the freedoms of a platform that has fewer than six."""
+    count = state.chain.generic.count.platform
+    if count == 6:
+        return ""
+    split = split_motions(
+        (state.P * state.chain.tangent_scale / state.chain.twist_sizes[:, None]) @ state.motions.basis, count
+    )
+    along = [TWIST_AXES[k] for k in range(6) if 1 - np.linalg.norm(split.left[k]) < _ALONG]
+    axes = f" along {', '.join(along)}" if len(along) == count else ""
+    return f" (the platform '{state.chain.platform}' has {count} freedom{'s' * (count != 1)}{axes})"
+
+
+def _within_limits(closure: Closure, *, throw: bool) -> Closure:
     if not closure.success:
         return closure
-    q = closure.q
-    violations = limit_violations(chain, q, _AT_LIMIT)
+    violations = limit_violations(closure.state.chain, closure.q, _AT_LIMIT)
     if not violations:
         return closure
+    listed = "; ".join(f"'{n}' at {x:.6g}, allowed {a:.6g} to {b:.6g}" for n, (x, a, b) in violations.items())
     if throw:
-        listed = "; ".join(
-            f"'{n}' at {x:.6g}, allowed {a:.6g} to {b:.6g}" for n, (x, a, b) in violations.items()
-        )
         raise UnreachableError(
             f"the pose is out of reach, joints exceed their limits: {listed}; choose another pose, or limits=False",
             violations=violations,
             residual=closure.gap,
             iterations=closure.iterations,
-            q=q,
+            q=closure.q,
         )
-    return replace(closure, success=False)
+    return replace(closure, success=False, reason=f"joints exceed their limits: {listed}")
 
 
-def _follow(
-    chain: ClosedChain, q: Configuration, matrix: FloatArray, demand: FloatArray, name: str
-) -> Tangent:
-    """Least-norm tangent vector that meets a demand exactly, or an error."""
-    motion = np.linalg.lstsq(matrix, demand, rcond=RANK)[0]
-    left = float(np.abs(matrix @ motion - demand).max(initial=0.0))
-    if left > _CONSISTENT * max(1.0, float(np.abs(demand).max(initial=0.0))):
-        raise ClosureError(
-            f"the chain cannot follow this {name} here: {left:.3g} of it is left over; "
-            "ask for a motion the platform can do",
-            residual=left,
-            iterations=0,
-            q=q,
-        )
-    return motion
-
-
-def _start(chain: ClosedChain, q_guess: ArrayLike | None) -> Configuration:
+def _start(chain: ClosedChain, q_guess: ArrayLike | None) -> State:
     """Home, or the guess with its loops closed: without that, the way to the demand would begin off the mechanism."""
     if q_guess is None:
-        return chain.q_home
-    return close_loops(chain, q_guess, throw=False).q
+        return State(chain, chain.q_home)
+    return close_loops(chain, q_guess, throw=False).state

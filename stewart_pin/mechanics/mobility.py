@@ -8,12 +8,11 @@ import numpy as np
 import pinocchio as pin
 import scipy.linalg
 
-from stewart_pin.closure.equations import loop_jacobian, row_sizes
-from stewart_pin.mechanics.freedom import Freedom
-from stewart_pin.mechanics.generic import nearby_freedoms
 from stewart_pin.mechanics.motor_sets import analyse_motors
-from stewart_pin.model.chain import ClosedChain
-from stewart_pin.typing import Configuration, FloatArray
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State
+from stewart_pin.tolerances import SINGULAR
+from stewart_pin.typing import FloatArray
 
 _REST = 1e-8
 """Velocities below this count as rest, relative to the largest."""
@@ -23,8 +22,7 @@ _REST = 1e-8
 class Mobility:
     """Freedoms of a mechanism, what its loops repeat, and what its motors are good for.
 
-    The numbers are those of a generic configuration among home and the random ones near it that closed: the one with
-    the fewest freedoms.
+    The numbers belong to the mechanism: they hold at configurations that are nothing special.
 
     Attributes
     ----------
@@ -41,11 +39,12 @@ class Mobility:
     lost
         Number of motions of the platform that locked motors leave.
     home_singular
-        Whether home has more freedoms, or holds less, than the random configurations; False where none closed.
+        Whether home has more freedoms, or its motors hold less, than usual.
     dof_home
         Number of motions at home.
     dof_samples
-        Number of motions at each random configuration that closed; empty where none did, and all is said of home.
+        Number of motions at each of the random configurations near home that were looked at; of home where no other
+        one closed.
     surplus_motors
         Number of motors beyond those that move independently of each other.
     spare_motors
@@ -95,26 +94,25 @@ def mobility(chain: ClosedChain) -> Mobility:
     >>> found.dof, found.verdict, found.free_joints, found.suggestion
     (2, 'too few', ('left_knee', 'right_hip', 'right_knee'), ('left_hip', 'right_hip'))
     """
-    (_, home), *samples = nearby_freedoms(chain)
-    # A generic configuration has the fewest freedoms, and among these the fewest lost ones; home is often symmetric.
-    q, generic = min(
-        [*samples, (chain.q_home, home)], key=lambda c: (c[1].motions.shape[1], c[1].lost.shape[1])
-    )
-    dof, lost = generic.motions.shape[1], generic.lost.shape[1]
-    motors = analyse_motors(chain, q, generic)
+    usual = chain.generic
+    home, samples = chain.at(chain.q_home), [chain.at(q) for q in usual.samples]
+    # The state that is farthest from singular shows most clearly who takes part in what.
+    state = max(samples, key=lambda s: min(s.motions.smallest, s.freedom.smallest_singular_value))
+    motors = analyse_motors(state)
+    lost = usual.count.uncontrolled
     verdict = "redundant" if motors.surplus else "sufficient"
     if lost:
         verdict = "wrongly chosen" if 0 < len(motors.suggestion) <= chain.nu else "too few"
     return Mobility(
-        dof=dof,
-        idle=_idle_names(chain, q, generic),
-        redundant_rows=chain.nc - generic.rank,
+        dof=usual.count.dof,
+        idle=_idle_names(state),
+        redundant_rows=chain.nc - usual.rank,
         motors_sufficient=lost == 0,
-        redundant=_redundant_rows(chain, q, generic.rank),
+        redundant=_redundant_rows(state),
         lost=lost,
-        home_singular=(home.motions.shape[1], home.lost.shape[1]) != (dof, lost),
-        dof_home=home.motions.shape[1],
-        dof_samples=tuple(freedom.motions.shape[1] for _, freedom in samples),
+        home_singular=_motions(home) > usual.count.dof or home.freedom.lost.shape[1] > lost,
+        dof_home=_motions(home),
+        dof_samples=tuple(_motions(sample) for sample in samples),
         surplus_motors=motors.surplus,
         spare_motors=motors.spare,
         free_joints=motors.free_joints,
@@ -123,19 +121,28 @@ def mobility(chain: ClosedChain) -> Mobility:
     )
 
 
-def _redundant_rows(chain: ClosedChain, q: Configuration, rank: int) -> tuple[str, ...]:
+def _motions(state: State) -> int:
+    """Count the motions at a configuration: the usual ones, and those that a singularity of the loops adds."""
+    usual = state.chain.generic
+    gained = np.count_nonzero(state.motions.values < SINGULAR * usual.usual_loops)
+    return usual.count.dof + int(gained)
+
+
+def _redundant_rows(state: State) -> tuple[str, ...]:
+    chain, rank = state.chain, state.chain.generic.rank
     if rank == chain.nc:
         return ()
     # Pivoted QR of the transpose picks `rank` independent rows; the others follow from them.
-    rows = loop_jacobian(chain, q) * chain.tangent_scale / row_sizes(chain)[:, None]
-    pivots = np.asarray(scipy.linalg.qr(rows.T, pivoting=True)[-1])
+    pivots = np.asarray(scipy.linalg.qr(state.rows.T, pivoting=True)[-1])
     return tuple(chain.loop_table.names[k] for k in sorted(pivots[rank:]))
 
 
-def _idle_names(chain: ClosedChain, q: Configuration, freedom: Freedom) -> tuple[str, ...]:
+def _idle_names(state: State) -> tuple[str, ...]:
     # In robot sizes, so that the unit of length does not decide which vectors make the basis.
+    chain = state.chain
     scale = chain.tangent_scale[:, None]
-    return tuple(_describe(chain, q, motion) for motion in (scale * _sparse_basis(freedom.idle / scale)).T)
+    basis = scale * _sparse_basis(state.freedom.idle / scale)
+    return tuple(_describe(chain, state.q, motion) for motion in basis.T)
 
 
 def _sparse_basis(columns: FloatArray) -> FloatArray:
@@ -150,7 +157,7 @@ def _sparse_basis(columns: FloatArray) -> FloatArray:
     return columns @ np.linalg.inv(columns[np.sort(order[:count])])
 
 
-def _describe(chain: ClosedChain, q: Configuration, motion: FloatArray) -> str:
+def _describe(chain: ClosedChain, q: FloatArray, motion: FloatArray) -> str:
     """Name a motion by the links that move and the way they move."""
     model, data = chain.model, pin.Data(chain.model)
     pin.forwardKinematics(model, data, q, motion)

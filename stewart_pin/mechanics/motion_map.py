@@ -14,22 +14,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 import scipy.linalg
 
-from stewart_pin.closure.equations import row_sizes
-from stewart_pin.closure.newton import RANK
 from stewart_pin.errors import ActuationError, SingularityError
-from stewart_pin.mechanics.constrained import (
-    NO_INERTIA,
-    ClosedState,
-    closed_state,
-    joint_space_inertia,
-    named_motion,
-)
 from stewart_pin.mechanics.coordinates import Coordinates, choose_coordinates, rows_bias
-from stewart_pin.mechanics.freedom import Freedom, analyse_freedom, null_space
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.freedom import split_motions
+from stewart_pin.state.state import State, as_state, named_motion
+from stewart_pin.tolerances import NO_INERTIA, SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 
@@ -65,8 +57,8 @@ class MotionMap:
 
 
 def motion_map(
-    chain: ClosedChain,
-    q: ArrayLike,
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
     v: ArrayLike | None = None,
     *,
     coordinates: str | Sequence[str] | ArrayLike = "motor",
@@ -79,9 +71,9 @@ def motion_map(
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     v
         (nv,) tangent velocity that keeps them closed; default: rest [m/s, rad/s].
     coordinates
@@ -114,47 +106,49 @@ def motion_map(
     >>> found.G.shape, bool(np.abs(stp.loop_jacobian(chain, chain.q_home) @ found.G).max() < 1e-12)
     ((24, 6), True)
     """
-    state = closed_state(chain, q, np.zeros(chain.nv) if v is None else v)
-    return SolvedMap(chain, state, coordinates).record()
+    return SolvedMap(as_state(chain, q, v), coordinates).record()
 
 
 class SolvedMap:
-    """The map in robot sizes, with what its derivative needs.
+    """The map in natural units, with what its derivative needs.
 
     Parameters
     ----------
-    chain
-        Closed chain.
     state
-        Checked state.
+        State.
     coordinates
         As in `motion_map` [m/s, rad/s].
     """
 
-    def __init__(
-        self, chain: ClosedChain, state: ClosedState, coordinates: str | Sequence[str] | ArrayLike
-    ) -> None:
-        self.chain, self.state, self.data = chain, state, pin.Data(chain.model)
-        freedom = analyse_freedom(chain, state.q)
-        self.chosen = choose_coordinates(chain, state.q, freedom, coordinates)
+    def __init__(self, state: State, coordinates: str | Sequence[str] | ArrayLike) -> None:
+        chain = state.require_moving().chain
+        self.chain, self.state = chain, state
+        self.chosen = choose_coordinates(state, coordinates)
         self.scale = chain.tangent_scale
-        self.sizes = np.concatenate([row_sizes(chain), self.chosen.sizes])
-        self.matrix = np.vstack([state.jacobian, self.chosen.rows]) * self.scale / self.sizes[:, None]
-        self.inertia = self.scale[:, None] * joint_space_inertia(chain, self.data, state.q) * self.scale
-        free = freedom.motions / self.scale[:, None]
-        seen = self.matrix[chain.nc :] @ free
-        resting, rank = null_space(seen)
-        if rank < len(self.chosen.names):
-            raise _dependent(chain, self.chosen, free, seen)
-        self.rest = free @ resting
-        if self.chosen.kind != "platform" and self.rest.shape[1] > freedom.idle.shape[1]:
-            raise _undetermined(chain, self.chosen, self.rest, freedom)
+        self.inertia = self.scale[:, None] * state.M * self.scale
+        self.rest = np.zeros((chain.nv, 0))
+        count = len(self.chosen.names)
+        if self.chosen.kind == "motor" and state.drive is not None:
+            right = np.zeros((chain.nv, count))
+            right[chain.nc :] = np.eye(count)
+            self._drive, self.G = state.drive, state.drive.solve(right)
+            return
+        self._drive = None
+        rows = self.chosen.rows * self.scale / self.chosen.sizes[:, None]
+        free = state.motions.basis
+        seen = rows @ free
+        values = np.linalg.svd(seen, compute_uv=False)
+        if count > free.shape[1] or (count and values[count - 1] < SINGULAR):
+            raise _dependent(chain, self.chosen, seen, int(np.count_nonzero(values >= SINGULAR)))
+        self._rows, self._seen = rows, split_motions(seen, count)
+        self.rest = free @ self._seen.basis
+        if self.chosen.kind != "platform" and self.rest.shape[1] > chain.generic.count.idle:
+            raise _undetermined(state, self.chosen, self.rest)
         moments, axes = np.linalg.eigh(self.rest.T @ self.inertia @ self.rest)
         heavy = moments > NO_INERTIA * np.abs(self.inertia).max(initial=0.0)
         axes = axes[:, heavy]
         self._compliance = axes @ (axes.T / moments[heavy, None])
-        least = free @ np.linalg.pinv(seen, rcond=RANK)
-        self.G = self.without_momentum(least)
+        self.G = self.without_momentum(free @ self._seen.across(np.eye(count)))
 
     def without_momentum(self, motion: FloatArray, momentum: FloatArray | float = 0.0) -> FloatArray:
         """Add the motion of `rest` that brings its momentum (or its balance of forces) to a value.
@@ -171,6 +165,8 @@ class SolvedMap:
         numpy.ndarray
             Like `motion`, dimensionless.
         """
+        if not self.rest.shape[1]:
+            return motion
         return motion + self.rest @ (self._compliance @ (momentum - self.rest.T @ (self.inertia @ motion)))
 
     def follow(self, demand: FloatArray) -> FloatArray:
@@ -186,8 +182,13 @@ class SolvedMap:
         numpy.ndarray
             (nv,) or (nv, k) motion, dimensionless.
         """
-        sizes = self.sizes if demand.ndim == 1 else self.sizes[:, None]
-        return np.linalg.lstsq(self.matrix, demand / sizes, rcond=RANK)[0]
+        chain, nc = self.chain, self.chain.nc
+        sizes = np.concatenate([chain.row_sizes, self.chosen.sizes])
+        scaled = demand / (sizes if demand.ndim == 1 else sizes[:, None])
+        if self._drive is not None:
+            return self._drive.solve(scaled)
+        across = self.state.motions.across(scaled[:nc])
+        return across + self.state.motions.basis @ self._seen.across(scaled[nc:] - self._rows @ across)
 
     def record(self) -> MotionMap:
         """Return the map in the robot's own units.
@@ -200,8 +201,8 @@ class SolvedMap:
         chain, state, chosen = self.chain, self.state, self.chosen
         column = self.scale[:, None]
         G = column * self.G / chosen.sizes
-        bias = np.concatenate([state.bias, rows_bias(chain, state.q, state.v, chosen)])
-        pull = pin.nonLinearEffects(chain.model, self.data, state.q, state.v) * self.scale
+        bias = np.concatenate([state.loop_bias, rows_bias(state, chosen)])
+        pull = state.nle * self.scale
         gamma = self.without_momentum(self.follow(-bias), -(self.rest.T @ pull))
         return MotionMap(
             coordinates=chosen,
@@ -213,10 +214,9 @@ class SolvedMap:
         )
 
 
-def _undetermined(
-    chain: ClosedChain, chosen: Coordinates, rest: FloatArray, freedom: Freedom
-) -> ActuationError:
-    idle = freedom.idle / chain.tangent_scale[:, None]
+def _undetermined(state: State, chosen: Coordinates, rest: FloatArray) -> ActuationError:
+    chain = state.chain
+    idle = state.freedom.idle / chain.tangent_scale[:, None]
     left = rest - idle @ (idle.T @ rest)
     u, s, _ = np.linalg.svd(left, full_matrices=False)
     direction = u[:, 0] * chain.tangent_scale
@@ -231,11 +231,8 @@ def _undetermined(
     )
 
 
-def _dependent(
-    chain: ClosedChain, chosen: Coordinates, free: FloatArray, seen: FloatArray
-) -> SingularityError:
+def _dependent(chain: ClosedChain, chosen: Coordinates, seen: FloatArray, rank: int) -> SingularityError:
     u, s, _ = np.linalg.svd(seen)
-    rank = int(np.count_nonzero(s > RANK * max(s[0], RANK))) if s.size else 0
     direction = u[:, -1] / np.abs(u[:, -1]).max()
     pivots = np.asarray(scipy.linalg.qr(seen.T, mode="r", pivoting=True)[-1])
     independent = [chosen.names[k] for k in sorted(pivots[:rank])]

@@ -13,15 +13,12 @@ from math import comb
 
 import numpy as np
 
-from stewart_pin.closure.newton import RANK
-from stewart_pin.mechanics.freedom import Freedom, null_space
-from stewart_pin.mechanics.platform import motion_matrix
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
-from stewart_pin.typing import Configuration, FloatArray
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State
+from stewart_pin.tolerances import SINGULAR, TAKES_PART
+from stewart_pin.typing import FloatArray
 
-_TAKES_PART = 1e-8
-"""Share of a motion, of norm one, below which a joint or the platform does not take part: round-off of null spaces."""
 _WORTH_IT = 0.1
 """Share of the best joint's part in a motion above which a joint like the given motors is preferred to it."""
 _MOST_SETS = 64
@@ -55,47 +52,45 @@ class MotorSets:
     suggestion: tuple[str, ...]
 
 
-def analyse_motors(chain: ClosedChain, q: Configuration, freedom: Freedom) -> MotorSets:
+def analyse_motors(state: State) -> MotorSets:
     """Judge the motors of a chain, and find a set that holds the robot.
 
     Parameters
     ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
-    freedom
-        Its motions there.
+    state
+        State with closed loops, at a configuration that is nothing special.
 
     Returns
     -------
     MotorSets
         Motors to spare, joints left free, and a set that works.
     """
-    scale = chain.tangent_scale[:, None]
-    motions = freedom.motions / scale
+    chain, freedom = state.chain, state.freedom
+    scale, motions = chain.tangent_scale[:, None], state.motions.basis
     share = motions[chain.motor_index]
-    surplus = chain.nu - _rank(share)
+    surplus = chain.nu - chain.generic.count.motor
     joints = {name: chain.model.joints[chain.model.getJointId(name)] for name in chain.model.names[1:]}
-    moving = np.linalg.norm(freedom.lost / scale, axis=1) > _TAKES_PART
+    moving = np.linalg.norm(freedom.lost / scale, axis=1) > TAKES_PART
     free = tuple(name for name, j in joints.items() if moving[j.idx_v : j.idx_v + j.nv].any())
     suggestion = chain.motors
     if freedom.lost.shape[1]:
-        sizes = np.array([chain.length_scale] * 3 + [1.0] * 3)[:, None]
-        platform = motion_matrix(chain, q)[chain.nc :] / sizes @ freedom.motions
+        # Without a platform every motion has to be held.
+        target = motions
+        if chain.platform is not None:
+            target = state.P / chain.twist_sizes[:, None] @ freedom.motions
         rows = {
             joint.name: motions[joints[joint.name].idx_v]
             for joint in chain.mechanism.joints
             if joint.has_axis and joint.name in joints
         }
-        suggestion = _suggest(rows, platform, chain.motors, _alike(chain, rows))
+        suggestion = _suggest(rows, target, chain.motors, _alike(chain, rows))
     return MotorSets(surplus, _spare(chain.motors, share, surplus), free, suggestion)
 
 
 def _rank(share: FloatArray) -> int:
     s = np.linalg.svd(share, compute_uv=False)
-    # As in `analyse_freedom`: rows of orthonormal motions are at most one.
-    return int(np.count_nonzero(s > RANK * max(1.0, s[0]))) if s.size else 0
+    # Rows of orthonormal motions are at most one.
+    return int(np.count_nonzero(s >= SINGULAR)) if s.size else 0
 
 
 def _spare(motors: Sequence[str], share: FloatArray, surplus: int) -> tuple[tuple[str, ...], ...]:
@@ -140,17 +135,17 @@ def _suggest(
     """Keep what helps of the given motors, then add the joint that takes most part in what is left, and so on."""
     chosen: list[str] = []
     for name in given:
-        if np.linalg.norm(rows[name] @ _left(rows, chosen, platform)) > _TAKES_PART:
+        if np.linalg.norm(rows[name] @ _left(rows, chosen, platform)) > TAKES_PART:
             chosen.append(name)
     while True:
         space = _left(rows, chosen, platform)
         _, s, vt = np.linalg.svd(platform @ space)
-        lost = space @ vt[: np.count_nonzero(s > _TAKES_PART)].T
+        lost = space @ vt[: np.count_nonzero(s > TAKES_PART)].T
         if not lost.shape[1]:
             break
         strength = {name: float(np.linalg.norm(row @ lost)) for name, row in rows.items()}
         best = max(strength.values(), default=0.0)
-        if best <= _TAKES_PART:
+        if best <= TAKES_PART:
             return ()
         usual = max((strength[name] for name in alike), default=0.0)
         pool = alike if usual > _WORTH_IT * best else set(rows)
@@ -159,7 +154,7 @@ def _suggest(
         chosen.append(next(name for name, value in strength.items() if name in pool and value >= enough))
     for name in reversed(chosen.copy()):
         others = [other for other in chosen if other != name]
-        if np.linalg.norm(platform @ _left(rows, others, platform)) <= _TAKES_PART:
+        if np.linalg.norm(platform @ _left(rows, others, platform)) <= TAKES_PART:
             chosen = others
     added = [name for name in rows if name in chosen and name not in given]
     return (*(name for name in given if name in chosen), *added)
@@ -169,4 +164,6 @@ def _left(rows: Mapping[str, FloatArray], locked: Sequence[str], platform: Float
     """Orthonormal basis of the motions that locked joints leave, in coordinates of the free ones."""
     if not locked:
         return np.eye(platform.shape[1])
-    return null_space(np.array([rows[name] for name in locked]))[0]
+    held = np.array([rows[name] for name in locked])
+    _, s, vt = np.linalg.svd(held)
+    return vt[np.count_nonzero(s >= SINGULAR) :].T

@@ -15,13 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
-from stewart_pin.closure.jacobian_rate import loop_jacobian_rate
-from stewart_pin.mechanics.constrained import closed_state
 from stewart_pin.mechanics.coordinates import rows_rate
 from stewart_pin.mechanics.motion_map import MotionMap, SolvedMap
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State, as_state
 from stewart_pin.typing import ArrayLike, FloatArray
 
 
@@ -54,8 +52,8 @@ class OperationalDynamics:
 
 
 def operational_dynamics(
-    chain: ClosedChain,
-    q: ArrayLike,
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
     v: ArrayLike | None = None,
     *,
     coordinates: str | Sequence[str] | ArrayLike = "motor",
@@ -65,9 +63,9 @@ def operational_dynamics(
     Parameters
     ----------
     chain
-        Closed chain; redundant loops and idle freedoms are no special case.
+        Closed chain, or a state of it; redundant loops and idle freedoms are no special case.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     v
         (nv,) tangent velocity that keeps them closed; default: rest [m/s, rad/s].
     coordinates
@@ -104,33 +102,23 @@ def operational_dynamics(
     >>> stp.operational_dynamics(chain, chain.q_home).g.round(2)  # what the legs carry
     array([49.99, 49.99, 49.99, 49.99, 49.99, 49.99])
     """
-    state = closed_state(chain, q, np.zeros(chain.nv) if v is None else v)
-    solved = SolvedMap(chain, state, coordinates)
-    motion, column = solved.record(), solved.scale[:, None]
-    data = pin.Data(chain.model)
-    coriolis = np.reshape(
-        pin.computeCoriolisMatrix(chain.model, data, state.q, state.v), (chain.nv, chain.nv)
-    )
-    coriolis = column * coriolis * solved.scale
+    state = as_state(chain, q, v)
+    solved = SolvedMap(state, coordinates)
+    motion, scale, sizes = solved.record(), solved.scale, solved.chosen.sizes
+    coriolis = scale[:, None] * state.coriolis * scale
     G, inertia = solved.G, solved.inertia
-    turning = np.vstack(
-        [
-            loop_jacobian_rate(chain, state.q, state.v, column * G),
-            rows_rate(chain, state.q, state.v, solved.chosen) @ (column * G),
-        ]
-    )
+    own = scale[:, None] * G
+    turning = np.concatenate([state.J_c_rate @ own, rows_rate(state, solved.chosen) @ own])
     # Up to motions of the rest, which M G does not see: Gᵀ M R = 0.
     G_rate = solved.follow(-turning)
 
-    sizes = solved.chosen.sizes
-    M = G.T @ inertia @ G / np.outer(sizes, sizes)
-    weight = np.array(pin.computeGeneralizedGravity(chain.model, data, state.q))
-    pull = np.array(pin.nonLinearEffects(chain.model, data, state.q, state.v))
-    inertial = inertia @ (motion.gamma / solved.scale)
+    across = np.outer(sizes, sizes)
+    M = G.T @ inertia @ G / across
+    inertial = inertia @ (motion.gamma / scale)
     return OperationalDynamics(
         motion=motion,
         M=(M + M.T) / 2,
-        C=G.T @ (inertia @ G_rate + coriolis @ G) / np.outer(sizes, sizes),
-        c=G.T @ (inertial + solved.scale * (pull - weight)) / sizes,
-        g=motion.G.T @ weight,
+        C=G.T @ (inertia @ G_rate + coriolis @ G) / across,
+        c=G.T @ (inertial + scale * (state.nle - state.weight)) / sizes,
+        g=motion.G.T @ state.weight,
     )

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.checks import as_array
-from stewart_pin.closure.reaction_derivatives import loop_wrench, reaction_forces
-from stewart_pin.closure.relative_motion import LoopEnds
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.effort import Effort
-from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.model.description import JointKind
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.reaction_derivatives import loop_wrench, reaction_forces
+from stewart_pin.state.relative_motion import LoopEnds
+from stewart_pin.state.state import State, as_state
+from stewart_pin.tolerances import TAKES_PART
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _BALANCE = 1e-6
 """Part of the joints' efforts, relative to the largest, that may be left over: that of another state leaves more."""
+_NO_LOAD = 1e-9
+"""Effort that is none at all, for a robot of masses near 1 kg [N or N m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +42,8 @@ class Reaction:
     moment
         (3,) about `point`, in world axes [N m].
     unique
-        Whether it is the only possible one: redundant loops share their load in a way that only elasticity decides.
+        Whether it is the only possible one. Redundant loops share their load in a way that only elasticity decides; a
+        joint that no such choice loads is not concerned.
     """
 
     name: str
@@ -49,19 +55,24 @@ class Reaction:
     unique: bool
 
 
-def joint_reactions(chain: ClosedChain, q: ArrayLike, v: ArrayLike, effort: Effort) -> tuple[Reaction, ...]:
+def joint_reactions(
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    effort: Effort | None = None,
+) -> tuple[Reaction, ...]:
     """Compute the wrench that each moving joint of the tree and each loop transmits, drives included.
 
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     v
-        (nv,) tangent velocity [m/s, rad/s].
+        (nv,) tangent velocity, with a chain [m/s, rad/s].
     effort
-        What `inverse_dynamics` answered for this state.
+        What `inverse_dynamics` answered for this state; default: what it answers, of a state with acceleration.
 
     Returns
     -------
@@ -84,40 +95,71 @@ def joint_reactions(chain: ClosedChain, q: ArrayLike, v: ArrayLike, effort: Effo
     >>> len(parts)  # 18 joints of the legs, 6 balls
     24
     """
-    q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
-    model, data = chain.model, pin.Data(chain.model)
+    state = as_state(chain, q, v)
+    effort = inverse_dynamics(state) if effort is None else effort
+    chain, model, data = state.chain, state.chain.mass_model, pin.Data(state.chain.model)
+    q, v, unit = state.q, state.v, state.chain.mass_unit
     pin.computeJointJacobians(model, data, q)  # and placements in the world, which rnea leaves alone
-    loops = reaction_forces(chain, q, effort.lambda_c)
-    balance = np.array(pin.rnea(model, data, q, v, effort.a, loops.forces)) - loops.efforts
+    loops = reaction_forces(chain, q, effort.lambda_c / unit)
+    balance = unit * (np.array(pin.rnea(model, data, q, v, effort.a, loops.forces)) - loops.efforts)
     carried = float(np.abs(balance).max(initial=0.0))
     balance[chain.motor_index] -= effort.tau_motor
-    size = max(carried, float(np.abs(effort.lambda_c).max(initial=0.0)) * chain.length_scale, 1e-9)
+    size = max(carried, float(np.abs(effort.lambda_c).max(initial=0.0)) * chain.length_scale, _NO_LOAD * unit)
     if np.abs(balance).max(initial=0.0) > max(_BALANCE * size, 2 * effort.residual):
         worst = int(np.argmax(np.abs(balance)))
         raise InputError(
             f"effort does not belong to this state: {balance[worst]:.3g} N or N m are left over at "
             f"'{chain.tangent_names[worst]}'; pass what inverse_dynamics answered for the same q and v"
         )
-    in_loop = _in_loops(chain)
+    joints_unique, loops_unique = _uniqueness(state)
     reactions = []
     for number, name in enumerate(model.names):
         if number == 0 or chain.mechanism.joint(name).kind is JointKind.FLOATING:
             continue
         joint, placement = chain.mechanism.joint(name), data.oMi[number]
+        force = pin.Force(unit * data.f[number].vector)
         reactions.append(
-            _reaction(
-                name,
-                joint.parent,
-                joint.child,
-                placement,
-                data.f[number],
-                unique=effort.reactions_unique or name not in in_loop,
-            )
+            _reaction(name, joint.parent, joint.child, placement, force, unique=joints_unique[number])
         )
-    return (*reactions, *_loop_reactions(chain, data, effort))
+    return (*reactions, *_loop_reactions(chain, data, effort, loops_unique))
 
 
-def _loop_reactions(chain: ClosedChain, data: pin.Data, effort: Effort) -> list[Reaction]:
+def _uniqueness(state: State) -> tuple[list[bool], list[bool]]:
+    """Of every tree joint and every loop, whether no self-stress of redundant rows loads it.
+
+    A self-stress is a combination of reactions without efforts at the joints, Jᵀ λ = 0; the tree below a joint hands on
+    what the loops do to the bodies beyond it.
+    """
+    chain, stress = state.chain, state.motions.redundant / state.chain.row_sizes[:, None]
+    joints, loops = [True] * chain.model.njoints, [True] * len(chain.loops)
+    if not stress.shape[1]:
+        return joints, loops
+    table, size = chain.loop_table, np.repeat([chain.length_scale, 1.0], 3)
+    # Wrench on every body about the origin of loop 1's frame, the moment in robot sizes.
+    centre = state.loops.origin2[0] if len(chain.loops) else np.zeros(3)
+    wrench = state.row_wrenches[:, :, None] * stress[:, None, :]
+    wrench[:, 3:] -= np.cross(centre[None, :, None], wrench[:, :3], axis=1)
+    wrench = wrench * size[:, None]
+    body = np.zeros((chain.model.njoints, 6, stress.shape[1]))
+    for k, rows in enumerate(table.slices):
+        total = wrench[rows].sum(axis=0)
+        body[table.joint2[k]] += total
+        body[table.joint1[k]] -= total
+        loops[k] = bool(np.abs(stress[rows] * chain.row_sizes[rows, None]).max(initial=0.0) < TAKES_PART)
+    coupling = table.coupling
+    geared = {int(k) for k in (*coupling.v1, *coupling.v2) if k >= 0} if coupling.index.size else set()
+    idle_gear = np.abs(stress[coupling.index]).max(initial=0.0) < TAKES_PART
+    for number in range(chain.model.njoints - 1, 0, -1):
+        joint = chain.model.joints[number]
+        own = joint.nv == 1 and joint.idx_v in geared and not idle_gear
+        joints[number] = bool(np.abs(body[number]).max() < TAKES_PART) and not own
+        body[chain.model.parents[number]] += body[number]
+    return joints, loops
+
+
+def _loop_reactions(
+    chain: ClosedChain, data: pin.Data, effort: Effort, unique: Sequence[bool]
+) -> list[Reaction]:
     reactions = []
     for k, loop in enumerate(chain.loops):
         ends = LoopEnds(chain, data, k)
@@ -133,7 +175,7 @@ def _loop_reactions(chain: ClosedChain, data: pin.Data, effort: Effort) -> list[
                 loop.link2,
                 here,
                 pin.Force(force, moment),
-                unique=effort.reactions_unique,
+                unique=unique[k],
             )
         )
     return reactions
@@ -152,13 +194,3 @@ def _reaction(
         turn @ force.angular,
         unique,
     )
-
-
-def _in_loops(chain: ClosedChain) -> set[str]:
-    """Joints that carry a share of loop reactions: those between either end of a loop and the ground."""
-    found: set[str] = set()
-    for joint in {*chain.loop_table.joint1, *chain.loop_table.joint2}:
-        while joint:
-            found.add(chain.model.names[joint])
-            joint = chain.model.parents[joint]
-    return found

@@ -8,10 +8,15 @@ import numpy as np
 import pinocchio as pin
 from numpy.polynomial.polynomial import polyder, polyval
 
-from stewart_pin.model.description import Mechanism
-from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows
+from stewart_pin.model.description import JointKind, Mechanism
+from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows, orthonormal_triad
 from stewart_pin.model.tree import link_frame
 from stewart_pin.typing import FloatArray
+
+_HELD = (JointKind.FIXED, JointKind.PRISMATIC)
+"""Loops that hold all directions of frames 1 and 2 together."""
+_ALIGNED = (*_HELD, JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.PLANAR)
+"""Loops that hold at least their axes together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +101,23 @@ class LoopTable:
     slices
         Rows of each loop.
     joint1, joint2
-        (L,) Pinocchio joint ids that carry frames 1 and 2.
+        (L,) Pinocchio joint ids that carry frames 1 and 2, as integers of Python.
+    at1, at2
+        (L,) indices of these joints, as arrays.
     rotation1, rotation2
         (L, 3, 3) loop frames in their joints.
     translation1, translation2
         (L, 3) loop frames in their joints [m].
+    support1, support2
+        (L, nv) 1 where a tangent entry moves the frame, else 0, dimensionless.
     difference
-        (L, nv) signs, dimensionless: +1 where a tangent entry moves only frame 2, -1 where only frame 1, 0 where both
-        or neither.
+        (L, nv) the second less the first, dimensionless: 0 where a tangent entry moves both frames or neither.
+    row_difference
+        (nc, nv) the same for every row, of its loop; 0 for couplings; dimensionless.
+    aligned
+        (n,) index of the loop that holds directions of its frames together, one entry per direction.
+    directions
+        (n, 3) these directions in either frame, unit vectors.
     normal, angle, rod
         Rows of loops by primitive.
     coupling
@@ -115,11 +129,18 @@ class LoopTable:
     slices: tuple[slice, ...]
     joint1: tuple[int, ...]
     joint2: tuple[int, ...]
+    at1: np.ndarray
+    at2: np.ndarray
     rotation1: FloatArray
     rotation2: FloatArray
     translation1: FloatArray
     translation2: FloatArray
+    support1: FloatArray
+    support2: FloatArray
     difference: FloatArray
+    row_difference: FloatArray
+    aligned: np.ndarray
+    directions: FloatArray
     normal: RowGroup
     angle: RowGroup
     rod: RowGroup
@@ -157,7 +178,16 @@ def build_loop_table(mechanism: Mechanism, model: pin.Model) -> LoopTable:
         slices.append(slice(start, len(names)))
     first_coupling = len(names)
     names += [coupling.name for coupling in mechanism.couplings]
-    support = [np.array([_support(model, joint) for joint, _ in side]).reshape(-1, model.nv) for side in ends]
+    aligned = [
+        (number, direction)
+        for number, loop in enumerate(mechanism.loops)
+        if loop.kind in _ALIGNED
+        for direction in orthonormal_triad(loop.axis)[: 3 if loop.kind in _HELD else 1]
+    ]
+    owner = np.full(len(names), -1)
+    for number, rows_of_loop in enumerate(slices):
+        owner[rows_of_loop] = number
+    supports = [np.array([support(model, joint) for joint, _ in side]).reshape(-1, model.nv) for side in ends]
     return LoopTable(
         size=len(names),
         names=tuple(names),
@@ -168,7 +198,14 @@ def build_loop_table(mechanism: Mechanism, model: pin.Model) -> LoopTable:
         rotation2=np.array([placement.rotation for _, placement in ends[1]]).reshape(-1, 3, 3),
         translation1=np.array([placement.translation for _, placement in ends[0]]).reshape(-1, 3),
         translation2=np.array([placement.translation for _, placement in ends[1]]).reshape(-1, 3),
-        difference=support[1] - support[0],
+        at1=np.array([joint for joint, _ in ends[0]], dtype=int),
+        at2=np.array([joint for joint, _ in ends[1]], dtype=int),
+        support1=supports[0],
+        support2=supports[1],
+        aligned=np.array([number for number, _ in aligned], dtype=int),
+        directions=np.array([direction for _, direction in aligned], dtype=float).reshape(-1, 3),
+        row_difference=np.vstack([supports[1] - supports[0], np.zeros((1, model.nv))])[owner],
+        difference=supports[1] - supports[0],
         normal=_group(groups[NormalRow]),
         angle=_group(groups[AngleRow]),
         rod=_group(groups[LengthRow]),
@@ -199,8 +236,21 @@ def _couplings(mechanism: Mechanism, model: pin.Model, first: int) -> CouplingRo
     )
 
 
-def _support(model: pin.Model, joint: int) -> FloatArray:
-    """Mark the tangent entries that move a joint: (nv,) of 0 and 1."""
+def support(model: pin.Model, joint: int) -> FloatArray:
+    """Mark the tangent entries that move a joint.
+
+    Parameters
+    ----------
+    model
+        Model.
+    joint
+        Number of the joint.
+
+    Returns
+    -------
+    numpy.ndarray
+        (nv,) of 0 and 1, dimensionless.
+    """
     mask = np.zeros(model.nv)
     while joint:
         first = model.joints[joint].idx_v

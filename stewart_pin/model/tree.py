@@ -7,6 +7,9 @@ has one coordinate (a `continuous` joint is a revolute joint without limits).
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
+
 import numpy as np
 import pinocchio as pin
 
@@ -14,6 +17,8 @@ from stewart_pin.model.description import Joint, JointKind, Mechanism
 from stewart_pin.typing import ArrayLike
 
 _AXES = np.eye(3)
+_SAFE_MASS = 1e-12
+"""Mass from which on sums of masses are exact in Pinocchio, which floors them at 2e-16 [kg]."""
 
 
 def build_tree(mechanism: Mechanism, gravity: ArrayLike) -> pin.Model:
@@ -38,6 +43,9 @@ def build_tree(mechanism: Mechanism, gravity: ArrayLike) -> pin.Model:
     for joint in sorted(mechanism.joints, key=lambda joint: joint.name):
         children[joint.parent].append(joint)
     inertias = {link.name: link.inertia for link in mechanism.links}
+    unit = mass_unit(inertia.mass for inertia in inertias.values() if inertia is not None)
+    if unit != 1.0:
+        inertias = {name: None if own is None else _times(own, 1 / unit) for name, own in inertias.items()}
 
     # Depth-first; each entry: joint to add, carrying Pinocchio joint, placement of the parent link in it, frame id.
     root = mechanism.root
@@ -55,7 +63,50 @@ def build_tree(mechanism: Mechanism, gravity: ArrayLike) -> pin.Model:
             placement = pin.SE3.Identity()
         frame = _add_body(model, joint.child, carrier, placement, frame, inertias[joint.child])
         stack += [(below, carrier, placement, frame) for below in reversed(children[joint.child])]
-    return model
+    return model if unit == 1.0 else with_masses_in(model, 1 / unit)
+
+
+def mass_unit(masses: Iterable[float]) -> float:
+    """Choose a unit in which no mass is lost in Pinocchio's sums of inertias.
+
+    Parameters
+    ----------
+    masses
+        Masses of the bodies [kg].
+
+    Returns
+    -------
+    float
+        1, or for micro-robots the power of two below the smallest mass: counting in it costs no round-off [kg].
+    """
+    smallest = min((mass for mass in masses if mass > 0), default=1.0)
+    return 1.0 if smallest >= _SAFE_MASS else 2.0 ** math.floor(math.log2(smallest))
+
+
+def with_masses_in(model: pin.Model, unit: float) -> pin.Model:
+    """Count masses and inertias, rotors included, in another unit.
+
+    Parameters
+    ----------
+    model
+        Model.
+    unit
+        The unit [kg].
+
+    Returns
+    -------
+    pinocchio.Model
+        A copy; its efforts are in units of `unit` as well.
+    """
+    scaled = model.copy()
+    for k in range(model.njoints):
+        scaled.inertias[k] = _times(model.inertias[k], 1 / unit)
+    scaled.armature = np.array(model.armature) / unit
+    return scaled
+
+
+def _times(inertia: pin.Inertia, factor: float) -> pin.Inertia:
+    return pin.Inertia(inertia.mass * factor, inertia.lever, inertia.inertia * factor)
 
 
 def link_frame(model: pin.Model, link: str) -> int:

@@ -16,11 +16,11 @@ from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, leg_jacobian, leg_lengths, point_mass_forces
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
 from stewart_pin.geometry.leg_motion import leg_rates
-from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
-from stewart_pin.mechanics.kinematics import forward_kinematics, platform_motion
-from stewart_pin.model.chain import ClosedChain
-from stewart_pin.motion.chain_scratch import ChainScratch
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, motor_efforts
+from stewart_pin.mechanics.kinematics import forward_kinematics, platform_acceleration, platform_motion
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 Reference = Callable[[FloatArray], PlatformSamples]
@@ -44,13 +44,7 @@ class GravityCompensation:
 
     def __call__(self, t: float, q: Configuration, v: Tangent) -> FloatArray:
         """Return the efforts (nu,) that hold the chain at rest [N or N m]."""
-        rest = np.zeros(self.chain.nv)
-        self._scratch.place(q)
-        return self._scratch.efforts(q, rest, rest)
-
-    @cached_property
-    def _scratch(self) -> ChainScratch:
-        return ChainScratch(self.chain)
+        return motor_efforts(State(self.chain, q), self.chain.rest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,16 +242,15 @@ class ComputedTorque:
     def __call__(self, t: float, q: Configuration, v: Tangent) -> FloatArray:
         """Return the efforts (nu,) [N or N m]."""
         want = self.reference(np.array([t]))
-        scratch = self._scratch
-        scratch.place(q)
-        pose, twist = scratch.platform(q, v)
+        state = State(self.chain, q, v)
+        pose, twist = state.pose, state.twist
         turn = pin.log3(want.rotation[0] @ pose.rotation.T)
         error = np.concatenate([want.position[0] - pose.translation, turn])
         correction = self.kd * (want.twist[0] - twist) + self.kp * error
         if self.model == "point_mass":
             return self._by_point_mass(pose, want.acceleration[0, :3] + correction[:3], correction[3:])
-        a = scratch.follow(q, v, want.acceleration[0] + correction)
-        return scratch.efforts(q, v, a) + np.asarray(self.motor_inertia) * a[self.chain.motor_index]
+        a = platform_acceleration(state, want.acceleration[0] + correction)
+        return motor_efforts(state, a) + np.asarray(self.motor_inertia) * a[self.chain.motor_index]
 
     def _by_point_mass(self, pose: pin.SE3, linear: FloatArray, angular: FloatArray) -> FloatArray:
         efforts = _point_mass(self.chain, self._hexapod, pose, linear)
@@ -267,10 +260,6 @@ class ComputedTorque:
         moment = pose.rotation @ body.inertia @ pose.rotation.T @ angular
         jacobian = leg_jacobian(self._hexapod, pose.translation, pose.rotation)
         return efforts + np.linalg.solve(jacobian.T, np.concatenate([np.zeros(3), moment]))
-
-    @cached_property
-    def _scratch(self) -> ChainScratch:
-        return ChainScratch(self.chain)
 
     @cached_property
     def _hexapod(self) -> Any:
@@ -343,9 +332,7 @@ class _MotorReference:
         except UnsupportedError:
             self._hexapod = None
             return
-        scratch = ChainScratch(chain)
-        scratch.place(chain.q_home)
-        home, _ = scratch.platform(chain.q_home, np.zeros(chain.nv))
+        home = State(chain, chain.q_home).pose
         lengths = leg_lengths(self._hexapod, home.translation, home.rotation)
         # A file may count its strokes from another length than zero.
         self._offset = chain.q_home[chain.motor_q_index] - lengths

@@ -21,9 +21,9 @@ from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import State, inverse_kinematics, platform_motion, platform_pose
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray
 
 _CLOSED_FORM = 100

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.motion.motor_demand import MotorDemand, motor_demand
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import FloatArray
 
 _ACCURACY = 1e-6

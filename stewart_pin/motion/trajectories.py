@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
-from stewart_pin.model.chain import as_pose
+from stewart_pin.state.chain import as_pose
 from stewart_pin.typing import ArrayLike, FloatArray
 
 

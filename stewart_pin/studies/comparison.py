@@ -16,9 +16,10 @@ from stewart_pin.geometry.hexapod import Hexapod, point_mass_forces
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
 from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
-from stewart_pin.mechanics.kinematics import State, platform_motion
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.mechanics.kinematics import platform_motion
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State
 from stewart_pin.typing import FloatArray
 
 Progress = Callable[[str, int, int], None]

@@ -11,7 +11,6 @@ import numpy as np
 
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.motion.motor_demand import (
     MotorDemand,
     demand_by_formula,
@@ -19,6 +18,7 @@ from stewart_pin.motion.motor_demand import (
     demands_by_kernels,
 )
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.studies.answers import Answer, NoAnswer, Results, ask
 from stewart_pin.studies.carried import Carried
 from stewart_pin.studies.points import Point, Points, function_name, words

@@ -12,8 +12,8 @@ from typing import Any
 
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.choosing import require_choice
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.studies.carried import Carried
 from stewart_pin.studies.comparison import Progress
 from stewart_pin.studies.demand_study import DemandStudy, motions_in_a_task

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import FloatArray
 
 _SAME = 1e-6

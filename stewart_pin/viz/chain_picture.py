@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.tree import link_frame
+from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.typing import ArrayLike, FloatArray
 from stewart_pin.viz.body_points import body_points
 from stewart_pin.viz.figures import new_figure

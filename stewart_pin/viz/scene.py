@@ -17,10 +17,10 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import FileFormatError, FileMissingError, MissingExtraError
-from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.model.description import Joint, JointKind
 from stewart_pin.model.formats.xml import read_xml
 from stewart_pin.model.tree import link_frame
+from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 from stewart_pin.viz.body_points import body_points
 

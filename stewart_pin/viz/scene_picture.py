@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
 from stewart_pin.viz.figures import new_figure
 from stewart_pin.viz.scene import build_scene

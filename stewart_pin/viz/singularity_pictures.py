@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.analysis.singularity_map import SingularityMap
-from stewart_pin.mechanics.freedom import TWIST_AXES
-from stewart_pin.mechanics.generic import generic_freedom
 from stewart_pin.mechanics.singularity import Screw, SingularityKind, classify_singularity
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.freedom import TWIST_AXES
+from stewart_pin.state.generic import generic_freedom
 from stewart_pin.viz.figures import new_figure
 
 _COLOURS = {

@@ -12,8 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 import stewart_pin as stp
-from stewart_pin.mechanics.freedom import TWIST_AXES
-from stewart_pin.mechanics.platform import motion_matrix, platform_bias
+from stewart_pin.state.freedom import TWIST_AXES
 from tests.closed_states import random_configuration, random_motion
 
 _RANK = 1e-9
@@ -60,9 +59,7 @@ class HeldState:
         return stp.inverse_dynamics(chain, q, v, self._least(jacobian, wanted)).tau_motor
 
     def _jacobian(self, chain: stp.ClosedChain, q: np.ndarray) -> np.ndarray:
-        return np.vstack(
-            [motion_matrix(chain, q)[: chain.nc], _drive(chain, self.coordinates, q)[list(self.rows)]]
-        )
+        return np.vstack([chain.at(q).J_c, _drive(chain, self.coordinates, q)[list(self.rows)]])
 
     def _least(self, jacobian: np.ndarray, right: np.ndarray) -> np.ndarray:
         """Least norm, with the rank of the chain as it was: what a displacement adds is of the second order."""
@@ -122,26 +119,26 @@ def held_state(
 
 def _regularity(chain: stp.ClosedChain, coordinates: str, rows: tuple[int, ...], q: np.ndarray) -> float:
     """Smallest singular value but those of idle freedoms and redundant rows."""
-    held = np.vstack([motion_matrix(chain, q)[: chain.nc], _drive(chain, coordinates, q)[list(rows)]])
+    held = np.vstack([chain.at(q).J_c, _drive(chain, coordinates, q)[list(rows)]])
     s = np.linalg.svd(held, compute_uv=False)
     return float(s[s > _RANK * s[0]][-1])
 
 
 def _without_effect(chain: stp.ClosedChain, coordinates: str, q: np.ndarray) -> np.ndarray:
     """Projector on the motions that neither loops nor drive see."""
-    rows = np.vstack([motion_matrix(chain, q)[: chain.nc], _drive(chain, coordinates, q)])
+    rows = np.vstack([chain.at(q).J_c, _drive(chain, coordinates, q)])
     return np.eye(chain.nv) - np.linalg.pinv(rows, rcond=_RANK) @ rows
 
 
 def _drive(chain: stp.ClosedChain, coordinates: str, q: np.ndarray) -> np.ndarray:
     if coordinates == "platform":
-        return motion_matrix(chain, q)[chain.nc :]
+        return chain.at(q).P
     return np.eye(chain.nv) if coordinates == "tree" else np.eye(chain.nv)[chain.motor_index]
 
 
 def _bias(chain: stp.ClosedChain, coordinates: str, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     if coordinates == "platform":
-        return platform_bias(chain, q, v)
+        return chain.at(q, v).platform_bias
     return np.zeros(chain.nv if coordinates == "tree" else chain.nu)
 
 

@@ -16,7 +16,6 @@ from stewart_pin.building.loading import build_chain
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.programs.status import StateStatus
-from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from tests import mechanisms
 from tests.closed_states import close, derivative, random_configuration, random_motion, robot
 from tests.kernels.platforms import motor_to_spare
@@ -46,9 +45,9 @@ def platform_states(many: Kernels, rng: np.random.Generator, count: int = 4):
     for _ in range(count):
         q = random_configuration(chain, rng, 0.1)
         v, a = random_motion(chain, rng, q)
-        jacobian = motion_matrix(chain, q)[chain.nc :]
+        jacobian = chain.at(q).P
         pose, twist = stp.platform_pose(chain, q), jacobian @ v
-        acceleration = jacobian @ a + platform_bias(chain, q, v)
+        acceleration = jacobian @ a + chain.at(q, v).platform_bias
         # On the branch that the kernel takes: an arm reaches most poses in several ways.
         q_motor = many.inverse_kinematics(pin.SE3ToXYZQUAT(pose))
         there = stp.forward_kinematics(chain, q_motor).q
@@ -72,7 +71,7 @@ def test_platform_coordinates_agree(name: str, rng: np.random.Generator) -> None
         close(tau_motor[k], stp.inverse_dynamics(chain, s.q, s.v, s.a).tau_motor, AGREE)
         close(rates[k], s.v[chain.motor_index], AGREE)
         a = stp.forward_dynamics(chain, s.q, s.v, tau_motor[k]).a
-        close(moved[k], motion_matrix(chain, s.q)[chain.nc :] @ a + platform_bias(chain, s.q, s.v), AGREE)
+        close(moved[k], chain.at(s.q).P @ a + chain.at(s.q, s.v).platform_bias, AGREE)
 
 
 @pytest.mark.parametrize(

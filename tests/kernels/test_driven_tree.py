@@ -18,7 +18,6 @@ from stewart_pin.kernels.graph.driven_tree import (
 )
 from stewart_pin.kernels.graph.platform_frame import platform_columns
 from stewart_pin.kernels.graph.whole_tree import close_tree
-from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from tests.closed_states import close, random_configuration
 from tests.kernels.platforms import skew_rods
 
@@ -29,11 +28,7 @@ def driven(coordinates: Coordinates) -> DrivenTree:
 
 
 def drive(chain: stp.ClosedChain, coordinates: Coordinates, q: np.ndarray) -> np.ndarray:
-    return (
-        motion_matrix(chain, q)[chain.nc :]
-        if coordinates == "platform"
-        else np.eye(chain.nv)[chain.motor_index]
-    )
+    return chain.at(q).P if coordinates == "platform" else np.eye(chain.nv)[chain.motor_index]
 
 
 @pytest.mark.parametrize("coordinates", ["platform", "motor"])
@@ -47,7 +42,7 @@ def test_idle_freedoms_get_the_least_norm(coordinates: Coordinates, rng: np.rand
         rows = np.vstack([stp.loop_jacobian(chain, q), drive(chain, coordinates, q)])
         velocity, acceleration = rng.normal(size=(2, rows.shape[0] - chain.nc))
         v = np.linalg.lstsq(rows, np.concatenate([np.zeros(chain.nc), velocity]), rcond=1e-10)[0]
-        bias = platform_bias(chain, q, v) if coordinates == "platform" else np.zeros(chain.nu)
+        bias = chain.at(q, v).platform_bias if coordinates == "platform" else np.zeros(chain.nu)
         demand = np.concatenate([-stp.loop_bias(chain, q, v), acceleration - bias])
         a = np.linalg.lstsq(rows, demand, rcond=1e-10)[0]
         tau_motor, infeasible = inverse.call([ca.DM(x) for x in (q, velocity, acceleration)])
@@ -64,4 +59,4 @@ def test_platform_columns_are_its_jacobian(rng: np.random.Generator) -> None:
     chain, closed = tree.closed.chain, tree.closed
     q = random_configuration(chain, rng, 0.1)
     columns = ca.Function("columns", [closed.q], [platform_columns(closed)])
-    close(np.array(columns(q)).T, motion_matrix(chain, q)[chain.nc :], 1e-12)
+    close(np.array(columns(q)).T, chain.at(q).P, 1e-12)

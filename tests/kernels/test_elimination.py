@@ -13,7 +13,6 @@ from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.planning.elimination import Elimination
 from stewart_pin.kernels.planning.pivots import plan_pivots
 from stewart_pin.kernels.programs.status import StateStatus
-from stewart_pin.mechanics.freedom import analyse_freedom
 from tests.building import cassie
 
 
@@ -62,7 +61,7 @@ def test_accelerations_of_nearly_locked_loops(name: str, tmp_path: Path, rng: np
     """Both bipeds have rows that depend on each other, one also rows that nearly do, by printed digits of π/2."""
     chain = cassie.load(name, tmp_path)
     many, q = compile_kernels(chain, coordinates="tree"), chain.q_home
-    motions = analyse_freedom(chain, q).motions
+    motions = chain.at(q).freedom.motions
     v, tau = motions @ rng.normal(size=motions.shape[1]), 10.0 * rng.normal(size=chain.nu)
     status, conditioning = np.empty(1, dtype=np.int8), np.empty(1)
     found = many.forward_dynamics(q[None], v[None], tau, status=status, conditioning=conditioning)[0]

@@ -16,7 +16,6 @@ import stewart_pin as stp
 from stewart_pin.errors import ClosureError, UnsupportedError
 from stewart_pin.kernels.graph.held_motion import _held
 from stewart_pin.kernels.planning.idle_freedoms import idle_moved
-from stewart_pin.mechanics.freedom import analyse_freedom
 from tests import mechanisms
 from tests.closed_states import KINDS, close, robot
 from tests.kernels.held_motions import HeldState, held_state, slope
@@ -116,7 +115,7 @@ def test_every_robot_in_all_coordinates(name: str, coordinates: str) -> None:
     if (
         coordinates == "tree"
         and kernels.chain.nc
-        and analyse_freedom(kernels.chain, kernels.chain.q_home).idle.size
+        and kernels.chain.at(kernels.chain.q_home).freedom.idle.size
     ):
         # Displaced all at once, idle spins move the platform to the second order, and inverse dynamics refuses that.
         single = np.eye(len(kernels.geometry_parameters))[:, 5::23]
@@ -228,7 +227,7 @@ def test_derivatives_that_depend_on_idle_freedoms_are_left_out(rng: np.random.Ge
     assert missing == [
         f"loop 'ball{k}', frame 2: shift {axis} in 'rod{k}'" for k in range(6) for axis in "yz"
     ]
-    idle = analyse_freedom(chain, state.q).idle
+    idle = chain.at(state.q).freedom.idle
     spun = replace(state, q=idle_moved(chain, state.q, idle @ rng.uniform(0.5, 1.0, idle.shape[1])))
     for parameter in kernels.geometry_parameters:
         if parameter.owner == "ball2" and parameter.unit == "m":

@@ -12,7 +12,6 @@ from stewart_pin.kernels.graph.derivatives import configuration_chart
 from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.planning.tree import tree_of
 from stewart_pin.kernels.programs.status import StateStatus
-from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.model.loop_rows import orthonormal_triad
 from tests import mechanisms
 from tests.closed_states import close, derivative, random_configuration, random_motion, robot
@@ -111,7 +110,7 @@ def test_regressor_is_pinocchios_for_the_motors(name: str, rng: np.random.Genera
     for k in range(2):
         close(regressor[k] @ many.inertial_parameters, efforts[k], 1e-11)
         whole = pin.computeJointTorqueRegressor(chain.model, pin.Data(chain.model), q[k], v[k], a[k])
-        motions = analyse_freedom(chain, q[k]).motions
+        motions = chain.at(q[k]).freedom.motions
         share = motions[chain.motor_index].T
         close(regressor[k], np.linalg.pinv(share) @ motions.T @ whole, 1e-10)
 

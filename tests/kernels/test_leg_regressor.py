@@ -12,7 +12,6 @@ from stewart_pin.kernels.graph.function_set import FunctionSet
 from stewart_pin.kernels.graph.leg_regressor import platform_regressor
 from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.kernels.report import count_operations
-from stewart_pin.mechanics.freedom import analyse_freedom
 from tests.closed_states import close, robot
 from tests.kernels.platforms import PLATFORMS
 from tests.kernels.test_compile import LIKE_ANOTHER, kernels, platform_states
@@ -28,7 +27,7 @@ IDLE = ("stewart_sps", "six cranks", "six cranks, rods askew", "delta, balls", "
 def pinocchios(chain: stp.ClosedChain, state: stp.State) -> np.ndarray:
     """Project Pinocchio's regressor of the tree on the motors: the least efforts that do its work."""
     whole = pin.computeJointTorqueRegressor(chain.model, pin.Data(chain.model), state.q, state.v, state.a)
-    motions = analyse_freedom(chain, state.q).motions
+    motions = chain.at(state.q).freedom.motions
     return np.linalg.pinv(motions[chain.motor_index].T) @ motions.T @ whole
 
 

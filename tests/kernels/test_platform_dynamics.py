@@ -19,7 +19,6 @@ from stewart_pin.kernels.graph.platform_dynamics import (
     place_platform,
 )
 from stewart_pin.kernels.planning.plan import plan_platform
-from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from stewart_pin.model.description import JointKind
 from tests import mechanisms
 from tests.closed_states import close, robot
@@ -73,7 +72,7 @@ def test_forward_dynamics_agrees(name: str, rng: np.random.Generator) -> None:
     for pose, twist, _, s in states(placed, rng):
         tau_motor = stp.inverse_dynamics(chain, s.q, s.v, s.a).tau_motor * rng.uniform(0.5, 1.5, chain.nu)
         a = stp.forward_dynamics(chain, s.q, s.v, tau_motor).a
-        expected = motion_matrix(chain, s.q)[chain.nc :] @ a + platform_bias(chain, s.q, s.v)
+        expected = chain.at(s.q).P @ a + chain.at(s.q, s.v).platform_bias
         close(call(forward, pose, twist, tau_motor), expected, AGREE)
 
 

@@ -7,12 +7,11 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.mechanics.freedom import analyse_freedom
 from tests.laws.conftest import Case
 
 
 def test_motions_keep_the_loops_closed(case: Case) -> None:
-    chain, freedom = case.chain, analyse_freedom(case.chain, case.q)
+    chain, freedom = case.chain, case.chain.at(case.q).freedom
     assert freedom.motions.shape == (chain.nv, chain.nv - freedom.rank)
     # Round-off of the decomposition: a few units of the Jacobian's largest entry.
     size = chain.length_scale * max(1.0, np.abs(stp.loop_jacobian(chain, case.q)).max(initial=0.0))

@@ -7,7 +7,6 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from tests.closed_states import along, close, derivative
 from tests.laws.conftest import Case
 
@@ -51,22 +50,22 @@ def test_loop_bias(at: Case) -> None:
 def test_platform_jacobian_and_bias(at: Case) -> None:
     chain = at.chain
     curve = along(chain, at.q, at.v)
-    twist = motion_matrix(chain, at.q)[chain.nc :] @ at.v
+    twist = chain.at(at.q).P @ at.v
     here = stp.platform_pose(chain, at.q)
     close(derivative(lambda t: stp.platform_pose(chain, curve(t)).translation), twist[:3], DIFFERENCES)
     turned = derivative(lambda t: pin.log3(stp.platform_pose(chain, curve(t)).rotation @ here.rotation.T))
     # A platform that only translates has no turn and no bias, but the round-off of the joints' own rates.
     rate = float(np.abs(at.v / chain.tangent_scale).max())
     assert np.abs(turned - twist[3:]).max() <= DIFFERENCES * rate
-    slope = derivative(lambda t: motion_matrix(chain, curve(t))[chain.nc :] @ at.v)
-    bias = platform_bias(chain, at.q, at.v)
+    slope = derivative(lambda t: chain.at(curve(t)).P @ at.v)
+    bias = chain.at(at.q, at.v).platform_bias
     assert np.abs(bias - slope).max() <= DIFFERENCES * max(np.abs(slope).max(), chain.length_scale * rate**2)
 
 
 def test_motor_jacobian(case: Case) -> None:
     """Follow a motion with closed loops: motor rates by differences, twist by differences, no Jacobian at all."""
     chain = case.chain
-    matrix = motion_matrix(chain, case.q) * chain.tangent_scale
+    matrix = np.vstack([chain.at(case.q).J_c, chain.at(case.q).P]) * chain.tangent_scale
     _, s, vt = np.linalg.svd(matrix)
     rest = vt[np.count_nonzero(s > 1e-10 * s[0]) :]
     if np.abs(rest[:, chain.motor_index]).max(initial=0.0) > 1e-8:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.mechanics.freedom import analyse_freedom
 from tests.closed_states import close
 from tests.laws.conftest import Case, round_off
 
@@ -14,7 +13,7 @@ from tests.laws.conftest import Case, round_off
 def test_joint_efforts_do_the_work_of_motor_efforts(held: Case) -> None:
     """Every passive joint that no idle freedom moves, one by one and all together."""
     chain, rng = held.chain, np.random.default_rng(11)
-    idle = np.abs(analyse_freedom(chain, held.q).idle / chain.tangent_scale[:, None]).max(axis=1, initial=0.0)
+    idle = np.abs(chain.at(held.q).freedom.idle / chain.tangent_scale[:, None]).max(axis=1, initial=0.0)
     names = [
         name for k, name in enumerate(chain.tangent_names) if k not in chain.motor_index and idle[k] < 1e-9
     ]

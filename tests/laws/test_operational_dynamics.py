@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.mechanics.platform import motion_matrix
 from tests.closed_states import along, close, derivative
 from tests.laws.conftest import Case, round_off, round_off_of_accelerations
 
@@ -27,7 +26,7 @@ def closed_along(case: Case, a: np.ndarray) -> Callable[[float], np.ndarray]:
 
 def moderate(case: Case) -> None:
     """Skip where differences say nothing: maps into a singularity bend on the scale of its distance."""
-    values = np.linalg.svd(motion_matrix(case.chain, case.q)[case.chain.nc :], compute_uv=False)
+    values = np.linalg.svd(case.chain.at(case.q).P, compute_uv=False)
     if case.pose == "near_singular" or values[values > 1e-9 * values[0]][-1] < 0.05 * values[0]:
         pytest.skip("next to a singularity")
 
@@ -43,7 +42,7 @@ def test_the_map_keeps_loops_closed_and_gives_the_rates(held: Case, coordinates:
         close(found.G[chain.motor_index], np.eye(chain.nu), tolerance)
         close(found.rate, held.v[chain.motor_index], 1e-12)
     else:
-        twist = motion_matrix(chain, held.q)[chain.nc :]
+        twist = chain.at(held.q).P
         close(twist @ found.G, found.coordinates.basis, tolerance)
         close(found.coordinates.basis @ found.rate, twist @ held.v, tolerance)
 
@@ -54,7 +53,7 @@ def test_motors_and_platform_tell_one_motion(held: Case) -> None:
     by_motor = stp.motion_map(chain, held.q, held.v)
     acceleration = np.linspace(1.0, 2.0, len(by_motor.rate)) * chain.tangent_scale[chain.motor_index]
     a = by_motor.G @ acceleration + by_motor.gamma
-    bias = motion_matrix(chain, held.q)[: chain.nc] @ a + stp.loop_bias(chain, held.q, held.v)
+    bias = chain.at(held.q).J_c @ a + stp.loop_bias(chain, held.q, held.v)
     assert np.abs(bias).max(initial=0.0) <= 1e-11 * np.abs(a).max()
     close(a[chain.motor_index], acceleration, 1e-10)
 

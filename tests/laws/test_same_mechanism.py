@@ -9,7 +9,6 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from tests.closed_states import close, robot
 from tests.laws.conftest import Case, round_off_of_accelerations
 from tests.rewritten import (
@@ -35,7 +34,7 @@ def in_millimetres(name: str) -> stp.ClosedChain:
 
 
 def platform_acceleration(chain: stp.ClosedChain, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-    return motion_matrix(chain, q)[chain.nc :] @ a + platform_bias(chain, q, v)
+    return chain.at(q).P @ a + chain.at(q, v).platform_bias
 
 
 def test_another_cut_moves_the_same(held: Case, rng: np.random.Generator) -> None:

@@ -308,7 +308,7 @@ def test_bad_input_is_named(cad: stp.ClosedChain, report_ideal: stp.Hexapod) -> 
         stp.wrench_polytope(cad, q, length=0.0)
     with pytest.raises(InputError, match="q must have shape"):
         stp.velocity_polytope(cad, q[:-1])
-    with pytest.raises(InputError, match="does not close the loops"):
+    with pytest.raises(InputError, match="does not keep the loops closed"):
         stp.velocity_polytope(cad, pin.integrate(cad.model, q, np.full(cad.nv, 0.1)))
     steel = pin.Inertia(20.0, np.zeros(3), np.eye(3))
     unlimited = stp.hexapod_chain(report_ideal, platform=steel, lower=steel, upper=steel)

@@ -140,11 +140,11 @@ def test_platform_on_a_ship(rng: np.random.Generator) -> None:
 def test_open_loops_are_refused(rng: np.random.Generator) -> None:
     chain = stp.load("stewart")
     q, v, tau = closed_state(chain, rng)
-    with pytest.raises(InputError, match="q does not keep loop 'leg3_ball' closed"):
+    with pytest.raises(InputError, match=r"q does not keep the loops closed: .* leg3_ball row 3"):
         moved = q.copy()
         moved[chain.motor_q_index[2]] += 1e-3
         stp.closed_chain_articulated_body(chain, moved, v, tau)
-    with pytest.raises(InputError, match="v does not keep loop"):
+    with pytest.raises(InputError, match="v does not keep the loops closed"):
         stp.closed_chain_articulated_body(chain, q, v + 0.1, tau)
     with pytest.raises(InputError, match="tau_motor must have shape"):
         stp.closed_chain_articulated_body(chain, q, v, np.zeros(chain.nv))

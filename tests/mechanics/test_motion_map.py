@@ -10,7 +10,6 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import ActuationError, InputError, SingularityError, UnsupportedError
-from stewart_pin.mechanics.platform import motion_matrix
 from stewart_pin.model.description import JointKind
 from tests.closed_states import along, close, derivative, random_configuration, random_motion, robot
 from tests.mechanisms import five_bar, four_bar, rotary_hexapod, two_bodies
@@ -85,11 +84,11 @@ def test_redundant_arm_has_the_operational_space_inertia(rng: np.random.Generato
     data = pin.Data(chain.model)
     upper = np.triu(pin.crba(chain.model, data, q))
     M = upper + np.triu(upper, 1).T
-    J = motion_matrix(chain, q)
+    J = np.vstack([chain.at(q).J_c, chain.at(q).P])
     close(found.M, np.linalg.inv(J @ np.linalg.solve(M, J.T)), 1e-9)
     tau_motor = 10 * rng.normal(size=7)
     acceleration = J @ stp.forward_dynamics(chain, q, v, tau_motor).a + derivative(
-        lambda t: motion_matrix(chain, along(chain, q, v)(t)) @ v
+        lambda t: np.vstack([chain.at(along(chain, q, v)(t)).J_c, chain.at(along(chain, q, v)(t)).P]) @ v
     )
     effort = found.motion.share.T @ tau_motor
     close(found.M @ acceleration + found.c + found.g, effort, 1e-8)
@@ -195,7 +194,7 @@ def test_platform_wrench_is_the_effort_of_platform_coordinates(rng: np.random.Ge
     acceleration = np.linalg.solve(found.M, wrench - found.c - found.g)
     a = found.motion.G @ acceleration + found.motion.gamma
     # All that RNEA asks for must come from the wrench and from the loops.
-    jacobian = motion_matrix(chain, q)
+    jacobian = np.vstack([chain.at(q).J_c, chain.at(q).P])
     needed = pin.rnea(chain.model, pin.Data(chain.model), q, v, a) - jacobian[chain.nc :].T @ wrench
     left = needed - jacobian[: chain.nc].T @ np.linalg.lstsq(jacobian[: chain.nc].T, needed, rcond=1e-12)[0]
     assert np.abs(left).max() < 1e-10 * np.abs(needed).max()

@@ -19,7 +19,6 @@ from stewart_pin.kernels.programs.repeating import interpreted
 from stewart_pin.kernels.programs.status import StateStatus, written_outputs
 from stewart_pin.kernels.running.array_kernel import ArrayKernel
 from stewart_pin.kernels.running.arrays import as_states
-from stewart_pin.mechanics.platform import motion_matrix, platform_bias
 from tests.closed_states import random_configuration, random_motion, robot
 
 pytest.importorskip("lief", reason="needs LIEF: pip install 'stewart_pin[oracles]'")
@@ -100,8 +99,8 @@ def motions(many: Kernels, rng: np.random.Generator, n: int = 9) -> tuple[np.nda
         elif many.coordinates == "motor":
             states.append((q[chain.motor_q_index], v[chain.motor_index], a[chain.motor_index]))
         else:
-            jacobian = motion_matrix(chain, q)[chain.nc :]
-            acceleration = jacobian @ a + platform_bias(chain, q, v)
+            jacobian = chain.at(q).P
+            acceleration = jacobian @ a + chain.at(q, v).platform_bias
             states.append((pin.SE3ToXYZQUAT(stp.platform_pose(chain, q)), jacobian @ v, acceleration))
     pose, twist, acceleration = (np.array(x) for x in zip(*states, strict=True))
     return pose, twist, acceleration

@@ -15,10 +15,10 @@ from stewart_pin.kernels.graph.loop_rows import loop_columns
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant, skew
 from stewart_pin.kernels.planning.tree import LoopEnds, TreeJoint
-from stewart_pin.model.chain import ClosedChain
-from stewart_pin.model.geometry_parameters import Attachment, Displacement, geometry_parameters
 from stewart_pin.model.loop_rows import LengthRow
 from stewart_pin.model.tree import link_frame
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.geometry_parameters import Attachment, Displacement, geometry_parameters
 
 Moves = dict[tuple[str, Attachment], ca.SX]
 """(6, 1) shift and rotation vector of each place, in axes of the body; (1, 1) of a rod's length."""

@@ -13,7 +13,6 @@ from typing import Literal
 import casadi as ca
 import numpy as np
 
-from stewart_pin.closure.equations import row_sizes
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.loop_gaps import loop_gaps, opposed_axes
@@ -94,7 +93,7 @@ def drive_tree(closed: ClosedTree, coordinates: Coordinates) -> DrivenTree:
     drive = on_platform if coordinates == "platform" else motors
     sizes = np.repeat([chain.length_scale, 1.0], 3) if coordinates == "platform" else _motor_sizes(closed)
     matrix = ca.horzcat(closed.columns.transpose, drive)
-    values = closed.values(matrix) * chain.tangent_scale[:, None] / np.concatenate([row_sizes(chain), sizes])
+    values = closed.values(matrix) * chain.tangent_scale[:, None] / np.concatenate([chain.row_sizes, sizes])
     reduced = Elimination(matrix, plan_pivots(values, list(range(matrix.shape[1]))))
     idle = reduced.forward(ca.SX.eye(tree.nv))[list(reduced.pivots.rows), :].T
     seen = np.abs(closed.values(ca.horzcat(on_platform, motors).T @ idle)).max(initial=0.0)
@@ -314,7 +313,7 @@ def closing_equations(driven: DrivenTree) -> NewtonEquations:
     else:
         target = ca.SX.sym("target", len(tree.motors))
         off, sizes = closed.q[list(tree.motors_q)] - target, _motor_sizes(closed)
-    scaled = ca.vertcat(loops, off) / constant(np.concatenate([row_sizes(chain), sizes]))
+    scaled = ca.vertcat(loops, off) / constant(np.concatenate([chain.row_sizes, sizes]))
     return NewtonEquations(
         state=closed.q,
         target=target,

@@ -42,7 +42,7 @@ from stewart_pin.kernels.planning.idle_freedoms import require_idle_without_effe
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.planning.samples import closed_samples
 from stewart_pin.mechanics.kinematics import platform_pose
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import FloatArray
 
 Coordinates = Literal["platform", "motor", "tree"]

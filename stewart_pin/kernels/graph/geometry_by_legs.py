@@ -24,7 +24,7 @@ from stewart_pin.kernels.graph.platform_dynamics import (
 from stewart_pin.kernels.planning.elimination import solve_square, solve_symmetric
 from stewart_pin.kernels.planning.plan import Leg, LegEnd, PlatformPlan
 from stewart_pin.kernels.planning.spatial import constant
-from stewart_pin.model.geometry_parameters import Attachment
+from stewart_pin.state.geometry_parameters import Attachment
 
 
 def leg_displacements(placed: PlacedPlatform) -> tuple[int, ...]:

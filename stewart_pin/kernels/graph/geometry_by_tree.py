@@ -48,8 +48,7 @@ from stewart_pin.kernels.graph.whole_tree import (
 )
 from stewart_pin.kernels.planning.elimination import solve_symmetric
 from stewart_pin.kernels.planning.spatial import constant
-from stewart_pin.mechanics.constrained import require_held
-from stewart_pin.mechanics.freedom import analyse_freedom
+from stewart_pin.state.freedom import require_sufficient_motors
 from stewart_pin.typing import FloatArray
 
 _ZERO = 1e-9
@@ -142,7 +141,7 @@ def tree_geometry_derivatives(held: HeldMotion, driven: DrivenTree | None, name:
 def _inverse(held: HeldMotion, driven: DrivenTree | None) -> tuple[dict[str, ca.SX], dict[str, ca.SX], _Sums]:
     closed = held.closed
     tree, chain = closed.tree, closed.chain
-    require_held(chain, analyse_freedom(chain, chain.q_home))
+    require_sufficient_motors(chain)
     if driven is None:
         v, a = ca.SX.sym("v", tree.nv), ca.SX.sym("a", tree.nv)
         inputs = {"q": closed.q, "v": v, "a": a}

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from stewart_pin.closure.equations import row_sizes
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.loop_gaps import loop_gaps
@@ -24,7 +23,7 @@ from stewart_pin.kernels.graph.platform_frame import platform_bias, platform_col
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, motor_columns, tree_bias
 from stewart_pin.kernels.planning.elimination import Elimination
 from stewart_pin.kernels.planning.pivots import plan_pivots
-from stewart_pin.mechanics.freedom import TWIST_AXES
+from stewart_pin.state.freedom import TWIST_AXES
 from stewart_pin.typing import FloatArray
 
 _ZERO = 1e-9
@@ -175,7 +174,7 @@ def _held(
     chain = closed.chain
     loops = sorted(column for _, column in closed.reduced.pivots.places)
     matrix = ca.horzcat(closed.columns.transpose[:, loops], rows[:, kept])
-    scale = np.concatenate([row_sizes(chain)[loops], sizes[kept]])
+    scale = np.concatenate([chain.row_sizes[loops], sizes[kept]])
     values = closed.values(matrix) * chain.tangent_scale[:, None] / scale
     pivots = plan_pivots(values, list(range(matrix.shape[1])))
     if pivots.columns:

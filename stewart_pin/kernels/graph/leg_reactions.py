@@ -32,9 +32,8 @@ from stewart_pin.kernels.planning.elimination import Elimination, solve_square, 
 from stewart_pin.kernels.planning.pivots import plan_pivots
 from stewart_pin.kernels.planning.plan import LegEnd
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant
-from stewart_pin.mechanics.constrained import require_held
-from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.model.loop_rows import AngleRow, orthonormal_triad
+from stewart_pin.state.freedom import require_sufficient_motors
 from stewart_pin.typing import FloatArray
 
 _STANDS = 1e-9
@@ -76,7 +75,7 @@ def reactions_function(placed: PlacedPlatform) -> ca.Function:
         If forces within the mechanism are not determined by their norm, or loop frame 1 by the pose.
     """
     plan = placed.plan
-    require_held(plan.chain, analyse_freedom(plan.chain, plan.chain.q_home))
+    require_sufficient_motors(plan.chain)
     for leg in placed.legs:
         _require_standing(leg)
     twist, acceleration = ca.SX.sym("twist", 6), ca.SX.sym("acceleration", 6)

@@ -19,8 +19,7 @@ from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_co
 from stewart_pin.kernels.graph.platform_motion import PlatformMotion, platform_motion
 from stewart_pin.kernels.graph.regressor import PER_BODY, not_linear, wrenches_per_parameter
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant, turning_matrix
-from stewart_pin.mechanics.constrained import require_held
-from stewart_pin.mechanics.freedom import analyse_freedom
+from stewart_pin.state.freedom import require_sufficient_motors
 
 
 def platform_regressor(placed: PlacedPlatform) -> ca.Function:
@@ -45,7 +44,7 @@ def platform_regressor(placed: PlacedPlatform) -> ca.Function:
         If the motors cannot hold the robot at home.
     """
     plan, chain = placed.plan, placed.plan.chain
-    require_held(chain, analyse_freedom(chain, chain.q_home))
+    require_sufficient_motors(chain)
     idle = sum(leg.idle.shape[1] for leg in placed.legs)
     if idle:
         raise not_linear(chain, idle)

@@ -16,17 +16,14 @@ import casadi as ca
 import numpy as np
 from scipy.linalg import qr, solve_triangular
 
-from stewart_pin.closure.equations import row_sizes
 from stewart_pin.kernels.graph.displaced_tree import displaced_tree
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.held_motion import condition_gaps
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.planning.idle_freedoms import idle_moved
 from stewart_pin.kernels.planning.samples import closed_samples
-from stewart_pin.mechanics.freedom import analyse_freedom
-from stewart_pin.mechanics.platform import motion_matrix, platform_bias
-from stewart_pin.model.chain import ClosedChain
-from stewart_pin.model.geometry_parameters import geometry_parameters
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.geometry_parameters import geometry_parameters
 from stewart_pin.typing import FloatArray
 
 _OPEN = 1e-8
@@ -152,7 +149,7 @@ def _opened(closed: ClosedTree, sizes: FloatArray) -> Iterator[FloatArray]:
     function = ca.Function("rows", [closed.q], [ca.densify(closed.columns.transpose.T), ca.densify(gaps)])
     rank = len(closed.reduced.pivots.places)
     for q in _samples(chain):
-        rows, opened = (np.array(x) / row_sizes(chain)[:, None] for x in function(q))
+        rows, opened = (np.array(x) / chain.row_sizes[:, None] for x in function(q))
         redundant = np.linalg.svd(rows * chain.tangent_scale)[0][:, rank:]
         yield redundant.T @ opened * sizes
 
@@ -162,13 +159,14 @@ def _undetermined(driven: DrivenTree, function: ca.Function, sizes: FloatArray) 
     chain = driven.closed.chain
     rng = np.random.default_rng(0)
     for q in _samples(chain):
-        freedom = analyse_freedom(chain, q)
+        freedom = chain.at(q).freedom
         v, a = (freedom.motions @ rng.normal(size=freedom.motions.shape[1]) for _ in range(2))
         moved = idle_moved(chain, q, freedom.idle @ rng.uniform(0.5, 1.0, freedom.idle.shape[1]))
         if driven.coordinates == "platform":
-            rows, bias = motion_matrix(chain, q)[chain.nc :], platform_bias(chain, q, v)
+            state = chain.at(q, v)
+            rows, bias = state.P, state.platform_bias
         else:
-            rows, bias = np.eye(chain.nv)[chain.motor_index], np.zeros(chain.nu)
+            rows, bias = chain.motor_rows, np.zeros(chain.nu)
         here, there = (np.array(function(x, rows @ v, rows @ a + bias)[0]) * sizes for x in (q, moved))
         yield (here - there) / np.abs(here).max()
 

@@ -29,8 +29,7 @@ from stewart_pin.kernels.planning.elimination import solve_square, solve_symmetr
 from stewart_pin.kernels.planning.plan import PlatformPlan
 from stewart_pin.kernels.planning.samples import at_samples
 from stewart_pin.kernels.planning.spatial import constant
-from stewart_pin.mechanics.constrained import require_held
-from stewart_pin.mechanics.freedom import analyse_freedom
+from stewart_pin.state.freedom import require_sufficient_motors
 from stewart_pin.typing import FloatArray
 
 
@@ -175,7 +174,7 @@ def inverse_dynamics_function(placed: PlacedPlatform) -> ca.Function:
         If the motors cannot hold the robot at home.
     """
     plan = placed.plan
-    require_held(plan.chain, analyse_freedom(plan.chain, plan.chain.q_home))
+    require_sufficient_motors(plan.chain)
     twist, acceleration = ca.SX.sym("twist", 6), ca.SX.sym("acceleration", 6)
     tau_motor = motor_efforts(placed, *balance(placed, twist, acceleration))
     return shared(

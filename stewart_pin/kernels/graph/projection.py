@@ -5,7 +5,6 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from stewart_pin.closure.equations import row_sizes
 from stewart_pin.kernels.graph.driven_tree import integrated
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.loop_gaps import loop_gaps
@@ -34,7 +33,7 @@ def projection_function(closed: ClosedTree) -> ca.Function:
     """
     tree, chain = closed.tree, closed.chain
     rows = sorted(column for _, column in closed.reduced.pivots.places)
-    sizes = row_sizes(chain)
+    sizes = chain.row_sizes
     v = ca.SX.sym("v", tree.nv)
     # Rows of equal size, so that pivots can be compared.
     jacobian = constant(np.diag(sizes[rows] ** -1.0)) @ closed.columns.transpose[:, rows].T

@@ -15,9 +15,8 @@ from stewart_pin.kernels.graph.joint_efforts import Wrench, efforts_of_wrenches
 from stewart_pin.kernels.graph.joint_motion import at_rest, motions
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, motor_efforts
 from stewart_pin.kernels.planning.spatial import constant, skew
-from stewart_pin.mechanics.constrained import require_held
-from stewart_pin.mechanics.freedom import analyse_freedom
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.freedom import require_sufficient_motors
 from stewart_pin.typing import FloatArray
 
 PER_BODY = 10
@@ -75,7 +74,7 @@ def driven_regressor(driven: DrivenTree) -> ca.Function:
 
 def _regressor(closed: ClosedTree, v: ca.SX, a: ca.SX) -> ca.SX:
     chain, tree = closed.chain, closed.tree
-    require_held(chain, analyse_freedom(chain, chain.q_home))
+    require_sufficient_motors(chain)
     parameters = ca.SX.sym("parameters", PER_BODY * len(tree.joints))
     moving = motions(tree.joints, closed.at, v, a, at_rest(constant(tree.gravity)))
     wrenches = {}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import casadi as ca
 
-from stewart_pin.closure.equations import row_sizes
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.loop_gaps import loop_gaps, opposed_axes
 from stewart_pin.kernels.graph.whole_tree import (
@@ -150,7 +149,7 @@ def openness(closed: ClosedTree, q: ca.SX, v: ca.SX, a: ca.SX | None = None) -> 
         (1, 1) in robot sizes and radians, relative to 1 and to the largest entry of v or a; as the one-state verbs do.
     """
     scale = constant(closed.chain.tangent_scale)
-    sizes = constant(row_sizes(closed.chain))
+    sizes = constant(closed.chain.row_sizes)
     parts = [ca.norm_inf(loop_gaps(closed.tree, closed.at, q) / sizes)] if closed.tree.nc else []
     demands = [(v, ca.SX.zeros(closed.tree.nc))]
     if a is not None:

@@ -1,6 +1,6 @@
 """Inverse and forward dynamics of any chain from the whole state (q, v, a) of its spanning tree.
 
-The laws are those of `stewart_pin.mechanics.constrained`, written out: N spans the motions that keep the loops
+The laws are those of `stewart_pin.mechanics`, written out: N spans the motions that keep the loops
 closed, the motor efforts follow from Nᵀ Sᵀ tau_motor = Nᵀ (M a + nle), the reactions from the rest. Redundant motors
 share by least norm; idle freedoms obey their own inertia, whatever the demand asks of them.
 """
@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from stewart_pin.closure.equations import row_sizes
 from stewart_pin.errors import SingularityError
 from stewart_pin.kernels.graph.joint_efforts import tree_efforts
 from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, joint_placement, motions, placements
@@ -23,9 +22,8 @@ from stewart_pin.kernels.planning.pivots import Pivots, plan_pivots
 from stewart_pin.kernels.planning.samples import at_samples, closed_samples
 from stewart_pin.kernels.planning.spatial import constant
 from stewart_pin.kernels.planning.tree import Tree, tree_of
-from stewart_pin.mechanics.constrained import require_held
-from stewart_pin.mechanics.freedom import analyse_freedom
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.freedom import require_sufficient_motors
 from stewart_pin.typing import FloatArray
 
 
@@ -107,7 +105,7 @@ def close_tree(chain: ClosedChain) -> ClosedTree:
     columns = loop_columns(tree, at, q)
     samples = closed_samples(chain)
     values = at_samples([q], [samples], columns.transpose)
-    values = values * chain.tangent_scale[:, None] / row_sizes(chain)
+    values = values * chain.tangent_scale[:, None] / chain.row_sizes
     pivots: Pivots = plan_pivots(values, list(range(tree.nc)))
     reduced = Elimination(columns.transpose, pivots)
     free = reduced.forward(ca.SX.eye(tree.nv))[list(pivots.rows), :].T
@@ -135,7 +133,7 @@ def tree_inverse_dynamics(closed: ClosedTree, v: ca.SX, a: ca.SX) -> tuple[ca.SX
         If the motors cannot hold the robot at home.
     """
     tree, chain = closed.tree, closed.chain
-    require_held(chain, analyse_freedom(chain, chain.q_home))
+    require_sufficient_motors(chain)
     falling = at_rest(constant(tree.gravity))
     demanded = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
     tau_motor, needed = motor_efforts(
@@ -362,7 +360,7 @@ def _require_idle(chain: ClosedChain, closed: ClosedTree, weightless: tuple[int,
     """Motions without inertia may be left at rest only if they are idle."""
     if not weightless:
         return
-    idle = analyse_freedom(chain, closed.samples[0]).idle.shape[1]
+    idle = chain.generic.count.idle
     if len(weightless) > idle:
         raise SingularityError(
             f"{len(weightless)} motions of {chain.name} have no inertia and {idle} are idle, so accelerations are "

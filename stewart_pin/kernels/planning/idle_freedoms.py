@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.closure.newton import close_loops
 from stewart_pin.errors import ClosureError, UnsupportedError
-from stewart_pin.mechanics.constrained import pinocchio_inverse_dynamics
-from stewart_pin.mechanics.freedom import analyse_freedom
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion, platform_pose
-from stewart_pin.mechanics.platform import motion_matrix
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.newton import close_loops
 from stewart_pin.typing import Configuration, FloatArray
 
 _SAME = 1e-6
@@ -35,23 +33,24 @@ def require_idle_without_effect(chain: ClosedChain, q: Configuration) -> None:
     UnsupportedError
         If efforts differ, or the idle freedoms cannot be moved.
     """
-    freedom = analyse_freedom(chain, q)
+    here = chain.at(q)
+    freedom = here.freedom
     if not freedom.idle.shape[1] or freedom.lost.shape[1]:
         return
     rng = np.random.default_rng(0)
-    jacobian = motion_matrix(chain, q)[chain.nc :]
+    jacobian = here.P
     twist, acceleration = (
         jacobian @ freedom.motions @ rng.normal(size=freedom.motions.shape[1]) for _ in range(2)
     )
     # Near the same pose only the twists that the platform can do everywhere are sure to be feasible.
-    if np.linalg.matrix_rank(jacobian @ freedom.motions, tol=1e-8) < 6:
+    if chain.generic.count.platform < 6:
         acceleration = twist = np.zeros(6)
     direction = freedom.idle @ rng.uniform(0.5, 1.0, freedom.idle.shape[1])
     pose = platform_pose(chain, q)
 
     def efforts_at(guess: Configuration) -> FloatArray:
         state = platform_motion(chain, pose, twist, acceleration, q_guess=guess, limits=False)
-        return pinocchio_inverse_dynamics(chain, state.q, state.v, state.a).tau_motor
+        return inverse_dynamics(state).tau_motor
 
     efforts = [efforts_at(q), efforts_at(idle_moved(chain, q, direction))]
     if np.abs(efforts[0] - efforts[1]).max() > _SAME * np.abs(efforts[0]).max():

@@ -17,11 +17,9 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.planning.samples import closed_samples
 from stewart_pin.kernels.planning.spatial import Masses
 from stewart_pin.kernels.planning.tree import LoopEnds, Tree, TreeJoint, tree_of
-from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.mechanics.kinematics import platform_pose
-from stewart_pin.mechanics.platform import motion_matrix
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import FloatArray
 
 _ENDS = (JointKind.SPHERICAL, JointKind.REVOLUTE)
@@ -210,9 +208,10 @@ def platform_twists(chain: ClosedChain, samples: FloatArray) -> FloatArray:
     size = np.repeat([chain.length_scale, 1.0], 3)
     here = []
     for q in samples:
-        twists = motion_matrix(chain, q)[chain.nc :] @ analyse_freedom(chain, q).motions
-        left, s, _ = np.linalg.svd(twists / size[:, None])
-        here.append(left[:, : np.count_nonzero(s > _ROUND_OFF)])
+        state = chain.at(q)
+        twists = state.P @ state.freedom.motions
+        left = np.linalg.svd(twists / size[:, None])[0]
+        here.append(left[:, : chain.generic.count.platform])
     left, s, _ = np.linalg.svd(np.hstack(here))
     basis = left[:, : np.count_nonzero(s > _ROUND_OFF)]
     if basis.shape[1] != here[0].shape[1]:

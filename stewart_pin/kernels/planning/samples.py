@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.closure.newton import close_loops
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.newton import close_loops
 from stewart_pin.typing import FloatArray
 
 _SPREAD = 0.15

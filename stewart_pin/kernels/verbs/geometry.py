@@ -10,7 +10,7 @@ import numpy as np
 from stewart_pin.kernels.running.arrays import require_apart, require_out
 from stewart_pin.kernels.verbs.calling import Caller, Places
 from stewart_pin.kernels.verbs.geometry_columns import Along, geometry_columns
-from stewart_pin.model.geometry_parameters import GeometryParameter, geometry_parameters
+from stewart_pin.state.geometry_parameters import GeometryParameter, geometry_parameters
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _BLOCK = 4096

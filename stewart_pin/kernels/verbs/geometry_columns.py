@@ -10,7 +10,7 @@ import numpy as np
 
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.model.geometry_parameters import GeometryParameter, geometry_parameters
+from stewart_pin.state.geometry_parameters import GeometryParameter, geometry_parameters
 from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:

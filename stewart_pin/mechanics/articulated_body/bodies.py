@@ -18,8 +18,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.mechanics.articulated_body.spatial_vectors import motion_transform, skew, spatial_inertia
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import Joint, JointKind
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray
 
 

@@ -7,13 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stewart_pin.errors import InputError
 from stewart_pin.mechanics.articulated_body.bodies import Body
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
-
-_CONSISTENT = 1e-6
-"""How far a state may be from its couplings, relative to its size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,31 +69,3 @@ def coupling_rows(chain: ClosedChain, bodies: Sequence[Body], q: Configuration, 
             jacobian[k, second] = -slope
             bias[k] = -2.0 * half_curve * float(v[second][0]) ** 2
     return GearRows(jacobian, gap, bias)
-
-
-def require_coupled(chain: ClosedChain, gears: GearRows, v: Tangent) -> None:
-    """Refuse a state that does not keep the couplings.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    gears
-        Its rows.
-    v
-        (nv,) tangent velocity [m/s, rad/s].
-
-    Raises
-    ------
-    InputError
-        Naming the coupling.
-    """
-    speed = max(1.0, float(np.abs(v).max(initial=0.0)))
-    rates = gears.jacobian @ v
-    for coupling, gap, rate in zip(chain.couplings, gears.gap, rates, strict=True):
-        for name, left, size in (("q", gap, max(1.0, chain.length_scale)), ("v", rate, speed)):
-            if abs(left) > _CONSISTENT * size:
-                raise InputError(
-                    f"{name} does not keep coupling '{coupling.name}': {left:.3g} is left over; see close_loops and "
-                    "platform_motion"
-                )

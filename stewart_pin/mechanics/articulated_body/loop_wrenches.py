@@ -2,7 +2,7 @@
 
 With v_rel the spatial velocity of link 2 relative to link 1 and T the wrench of a row, the rate of the gap is Tᵀ v_rel.
 T belongs to link 1 but for what the joint itself moves, so that its rate is T° + v₁ ×* T, with T° as seen from link 1.
-Everything stands in base coordinates, [angular; linear]. No formula is shared with `stewart_pin.closure`.
+Everything stands in base coordinates, [angular; linear]. No formula is shared with `stewart_pin.state`.
 
 References
 ----------

@@ -8,25 +8,20 @@ from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion
 from stewart_pin.mechanics.articulated_body.bodies import tree_bodies
-from stewart_pin.mechanics.articulated_body.gears import coupling_rows, require_coupled
-from stewart_pin.mechanics.articulated_body.loop_wrenches import LoopWrenches, loop_wrenches
+from stewart_pin.mechanics.articulated_body.gears import coupling_rows
+from stewart_pin.mechanics.articulated_body.loop_wrenches import loop_wrenches
 from stewart_pin.mechanics.articulated_body.passes import first_pass, respond
 from stewart_pin.mechanics.effort import Motion
-from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State, as_state
 from stewart_pin.typing import ArrayLike, FloatArray
-
-_RANK = 1e-12
-"""Singular values of the loops' inverse inertia below this, relative to the largest, belong to redundant rows: the
-square of what counts as redundant in a Jacobian would drown in round-off."""
-_CONSISTENT = 1e-6
-"""How far a state may be from closed loops, relative to its size: round-off of user data, not a wrong state."""
 
 
 def closed_chain_articulated_body(
-    chain: ClosedChain,
-    q: ArrayLike,
-    v: ArrayLike,
-    tau_motor: ArrayLike,
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    tau_motor: ArrayLike | None = None,
     *,
     base_motion: BaseMotion | None = None,
 ) -> Motion:
@@ -37,11 +32,11 @@ def closed_chain_articulated_body(
     Parameters
     ----------
     chain
-        Closed chain whose bodies have mass.
+        Closed chain whose bodies have mass, or a state of it.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     v
-        (nv,) tangent velocity that keeps them closed [m/s, rad/s].
+        (nv,) tangent velocity that keeps them closed, with a chain [m/s, rad/s].
     tau_motor
         (nu,) motor efforts in the order of ``chain.motors`` [N or N m].
     base_motion
@@ -57,7 +52,7 @@ def closed_chain_articulated_body(
     InputError
         If an argument is wrong, or the state does not keep the loops closed.
     SingularityError
-        If a joint moves nothing that has inertia.
+        If a joint moves nothing that has inertia, or the loops have lost a row here.
 
     Notes
     -----
@@ -69,15 +64,16 @@ def closed_chain_articulated_body(
     ----------
     .. [1] R. Featherstone, "Rigid Body Dynamics Algorithms", Springer, 2008.
     """
-    q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
+    state = as_state(chain, q, v).require_moving()
+    chain, q, v = state.chain, state.q, state.v
+    if tau_motor is None:
+        raise InputError("tau_motor is missing; pass the motor efforts, in the order of chain.motors")
     tau_motor = as_array("tau_motor", tau_motor, (chain.nu,))
     base_velocity, base_acceleration = (base_motion or BaseMotion()).spatial(chain.gravity)
     bodies = tree_bodies(chain)
     motion = first_pass(bodies, q, v, base_velocity)
     loops = [loop_wrenches(loop, bodies, motion) for loop in chain.loops]
-    _require_closed(chain, loops, v)
     gears = coupling_rows(chain, bodies, q, v)
-    require_coupled(chain, gears, v)
 
     # Case 0 is the state with open loops, case k a unit force of row k alone, at rest and without gravity.
     cases = 1 + chain.nc
@@ -106,18 +102,15 @@ def closed_chain_articulated_body(
         ]
     )
     open_loops = relative[:, 0] + np.concatenate([*(loop.bias for loop in loops), gears.bias])
-    lambda_c = -np.linalg.lstsq(relative[:, 1:], open_loops, rcond=_RANK)[0]
+    lambda_c = _loop_forces(chain, relative[:, 1:], open_loops)
     return Motion(a=response.joint[:, 0] + response.joint[:, 1:] @ lambda_c, lambda_c=lambda_c)
 
 
-def _require_closed(chain: ClosedChain, loops: list[LoopWrenches], v: FloatArray) -> None:
-    """Refuse a state that does not keep the loops closed."""
-    speed = max(1.0, float(np.abs(v).max(initial=0.0)))
-    for loop, wrenches in zip(chain.loops, loops, strict=True):
-        for name, left, size in (("q", wrenches.gap, chain.length_scale), ("v", wrenches.rate, speed)):
-            worst = float(np.abs(left).max(initial=0.0))
-            if worst > _CONSISTENT * max(1.0, size):
-                raise InputError(
-                    f"{name} does not keep loop '{loop.name}' closed: {worst:.3g} is left over; "
-                    "see close_loops and platform_motion"
-                )
+def _loop_forces(chain: ClosedChain, response: FloatArray, open_loops: FloatArray) -> FloatArray:
+    """Solve A λ + b = 0 with as many directions as the loops have; the least forces where rows are redundant."""
+    sizes, rank = chain.row_sizes, chain.generic.rank
+    # Per natural effort and in natural units: A is symmetric, its rank that of the loop rows.
+    u, s, vt = np.linalg.svd(response / sizes / sizes[:, None])
+    forces = -(vt[:rank].T @ ((u[:, :rank].T @ (open_loops / sizes)) / s[:rank])) / sizes
+    beside = vt[rank:].T / sizes[:, None]
+    return forces - beside @ np.linalg.lstsq(beside, forces, rcond=None)[0] if beside.size else forces

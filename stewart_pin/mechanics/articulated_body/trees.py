@@ -8,7 +8,7 @@ from stewart_pin.checks import as_array
 from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion
 from stewart_pin.mechanics.articulated_body.bodies import tree_bodies
 from stewart_pin.mechanics.articulated_body.passes import first_pass, respond
-from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.typing import ArrayLike, Tangent
 
 

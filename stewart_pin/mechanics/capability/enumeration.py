@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import scipy.linalg
 from scipy.spatial import ConvexHull, HalfspaceIntersection, KDTree, QhullError
 
 from stewart_pin.errors import ConvergenceError, UnsupportedError
 from stewart_pin.mechanics.capability.linear_program import greatest, interior_point
-from stewart_pin.mechanics.freedom import null_space
 from stewart_pin.typing import FloatArray
 
 _FLAT = 1e-9
@@ -243,7 +243,7 @@ def _flat_corners(
     if not tight:
         return centre[None]
     centre = centre + np.linalg.lstsq(sides[tight], bounds[tight] - sides[tight] @ centre, rcond=1e-10)[0]
-    plane, _ = null_space(sides[tight])
+    plane = scipy.linalg.null_space(sides[tight], rcond=1e-10)
     left = [k for k in range(rows.shape[0]) if np.linalg.norm(rows[k] @ plane) > 1e-9]
     shift = rows[left] @ centre
     within = corners_within(rows[left] @ plane, lower[left] - shift, upper[left] - shift)

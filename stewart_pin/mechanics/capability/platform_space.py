@@ -10,10 +10,10 @@ from stewart_pin.checks import as_positive
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.mechanics.capability.enumeration import Shape
 from stewart_pin.mechanics.capability.polytope import Polytope
-from stewart_pin.mechanics.freedom import RANK, TWIST_AXES, Freedom
-from stewart_pin.mechanics.kinematics import motion_matrix
-from stewart_pin.model.chain import ClosedChain
-from stewart_pin.typing import ArrayLike, Configuration, FloatArray
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.freedom import TWIST_AXES
+from stewart_pin.state.state import State
+from stewart_pin.typing import ArrayLike, FloatArray
 
 _ALONG = 1e-9
 """Distance of an axis from the space of motions below which the platform moves along it, lengths normalised."""
@@ -83,19 +83,13 @@ class PlatformSpace:
         )
 
 
-def platform_space(
-    chain: ClosedChain, q: Configuration, freedom: Freedom, length: float | None
-) -> PlatformSpace:
+def platform_space(state: State, length: float | None) -> PlatformSpace:
     """Find coordinates for the platform's motions.
 
     Parameters
     ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
-    freedom
-        Its motions there.
+    state
+        State with closed loops.
     length
         Normalising length; default: the size of the robot [m].
 
@@ -109,12 +103,12 @@ def platform_space(
     UnsupportedError
         If the platform cannot move.
     """
+    chain, freedom = state.chain, state.freedom
     length = chain.length_scale if length is None else as_positive("length", length)
-    twist = motion_matrix(chain, q)[chain.nc :] @ freedom.motions
+    twist = state.P @ freedom.motions
     twist[3:] *= length
-    u, s, _ = np.linalg.svd(twist)
-    # Against the size of the robot: a platform at a dead point does not move, whatever its round-off does.
-    d = int(np.count_nonzero(s > RANK * max(s[0], length))) if s.size else 0
+    u = np.linalg.svd(twist)[0]
+    d = freedom.count.platform  # at a dead point it does not move, whatever its round-off does
     if d == 0:
         raise UnsupportedError(f"the platform '{chain.platform}' of '{chain.name}' cannot move here")
     basis = u[:, :d]

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
-from stewart_pin.closure.equations import gap_from_data
-from stewart_pin.errors import InputError, UnreachableError, UnsupportedError
+from stewart_pin.errors import UnreachableError, UnsupportedError
 from stewart_pin.mechanics.capability.enumeration import image_of_limits
 from stewart_pin.mechanics.capability.platform_space import motor_limit, platform_space, stated
 from stewart_pin.mechanics.capability.polytope import Polytope
-from stewart_pin.mechanics.constrained import require_held
-from stewart_pin.mechanics.freedom import analyse_freedom, null_space
-from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.freedom import require_held
+from stewart_pin.state.state import State, as_state
+from stewart_pin.tolerances import SINGULAR
 from stewart_pin.typing import ArrayLike, Configuration
 
 _AT_LIMIT = 1e-9
 """Distance from a joint limit at which it counts as reached, in robot sizes or radians."""
-_CLOSED = 1e-6
-"""Gap of the loops that round-off of user data may leave, in robot sizes."""
 
 
 def velocity_polytope(
-    chain: ClosedChain,
-    q: ArrayLike,
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
     *,
     rate_limit: ArrayLike | None = None,
     limits: bool = True,
@@ -38,9 +35,9 @@ def velocity_polytope(
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     rate_limit
         (nu,) or one number: largest absolute motor rate; default: the file's velocity limits [m/s or rad/s].
     limits
@@ -62,23 +59,23 @@ def velocity_polytope(
     InputError
         If the loops are open at q, or neither the file nor the caller states a limit.
     """
-    q = closed_configuration(chain, q)
+    state = as_state(chain, q).require_regular()
+    chain, freedom = state.chain, state.freedom
     motor_rate = motor_limit(chain, "rate_limit", rate_limit, chain.model.upperVelocityLimit)
-    freedom = analyse_freedom(chain, q)
-    require_held(chain, freedom)
-    space = platform_space(chain, q, freedom, length)
+    require_held(state)
+    space = platform_space(state, length)
 
     upper = stated(np.array(chain.model.upperVelocityLimit))
     upper[chain.motor_index] = motor_rate
     lower = -upper
     if limits:
-        low, high = _stops(chain, q)
+        low, high = _stops(chain, state.q)
         lower[low], upper[high] = 0.0, 0.0
     limited = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
     rows = freedom.motions[limited]
     # Motions that no limit sees (an idle spin) do not move the platform, because the motors hold it.
-    unseen, _ = null_space(rows * (1 / np.abs(rows).max()))
-    seen = null_space(unseen.T)[0] if unseen.shape[1] else np.eye(rows.shape[1])
+    _, s, vt = np.linalg.svd(state.motions.basis[limited])
+    seen = vt[: np.count_nonzero(s >= SINGULAR)].T
     names = tuple(
         (f"{chain.tangent_names[k]} at {lower[k]:+.6g}", f"{chain.tangent_names[k]} at {upper[k]:+.6g}")
         for k in limited
@@ -89,35 +86,6 @@ def velocity_polytope(
     if shape is None:
         raise UnsupportedError("the rate limits contradict each other")
     return space.polytope(shape, "velocity")
-
-
-def closed_configuration(chain: ClosedChain, q: ArrayLike) -> Configuration:
-    """Check that a configuration closes the loops.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration [m, rad, unit quaternions].
-
-    Returns
-    -------
-    numpy.ndarray
-        (nq,) the same [m, rad, unit quaternions].
-
-    Raises
-    ------
-    InputError
-        If the loops are open.
-    """
-    q = as_configuration(chain, "q", q)
-    data = pin.Data(chain.model)
-    pin.forwardKinematics(chain.model, data, q)
-    gap = float(np.abs(gap_from_data(chain, data, q)).max(initial=0.0))
-    if gap > _CLOSED * chain.length_scale:
-        raise InputError(f"q does not close the loops: {gap:.3g} is left over; see close_loops")
-    return q
 
 
 def _stops(chain: ClosedChain, q: Configuration) -> tuple[list[int], list[int]]:

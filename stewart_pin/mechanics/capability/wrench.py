@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.mechanics.capability.enumeration import image_of_limits
 from stewart_pin.mechanics.capability.platform_space import motor_limit, platform_space
 from stewart_pin.mechanics.capability.polytope import Polytope
-from stewart_pin.mechanics.capability.velocity import closed_configuration
-from stewart_pin.mechanics.constrained import require_held
-from stewart_pin.mechanics.freedom import analyse_freedom, null_space
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.freedom import require_held
+from stewart_pin.state.state import State, as_state
 from stewart_pin.typing import ArrayLike, FloatArray
 
-_RANK = 1e-10
-"""Singular values below this, relative to the largest, count as zero."""
+_DRIVEN = 1e-10
+"""Share of all that the motors do above which a motion is driven by them."""
 _AT_REST = 1e-9
 """Share of the weight on freedoms without motor that is round-off."""
 
 
 def wrench_polytope(
-    chain: ClosedChain,
-    q: ArrayLike,
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
     *,
     effort_limit: ArrayLike | None = None,
     gravity: bool = False,
@@ -42,9 +40,9 @@ def wrench_polytope(
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     effort_limit
         (nu,) or one number: largest absolute motor effort; default: the file's effort limits [N or N m].
     gravity
@@ -67,19 +65,19 @@ def wrench_polytope(
     UnsupportedError
         If no efforts within the limits keep the inner motions of the robot at rest.
     """
-    q = closed_configuration(chain, q)
+    state = as_state(chain, q).require_regular()
+    chain, freedom = state.chain, state.freedom
     most = motor_limit(chain, "effort_limit", effort_limit, chain.model.upperEffortLimit)
-    freedom = analyse_freedom(chain, q)
-    require_held(chain, freedom)
-    space = platform_space(chain, q, freedom, length)
+    require_held(state)
+    space = platform_space(state, length)
 
     # Efforts in shares of their limits, so that all bounds are one.
     motors = (freedom.motions[chain.motor_index].T) * most
     weight = np.zeros(freedom.motions.shape[1])
     if gravity:
-        weight = freedom.motions.T @ pin.computeGeneralizedGravity(chain.model, pin.Data(chain.model), q)
+        weight = freedom.motions.T @ state.weight
     held, efforts = _inner_balance(space.share, motors, weight)
-    to_platform = np.linalg.pinv(space.share.T, rcond=_RANK)
+    to_platform = np.linalg.pinv(space.share.T)
     names = tuple((f"{m} at {-x:+.6g}", f"{m} at {x:+.6g}") for m, x in zip(chain.motors, most, strict=True))
     shape = image_of_limits(
         efforts, -1.0 - held, 1.0 - held, names,
@@ -97,10 +95,11 @@ def _inner_balance(
 
     Gives efforts that carry the weight on these motions, and a basis of those that do not load them.
     """
-    inner, _ = null_space(share)
+    # The share has as many rows as the platform has freedoms here.
+    inner = np.linalg.svd(share)[2][share.shape[0] :].T
     u, s, vt = np.linalg.svd(inner.T @ motors)
     # Relative to all that the motors do: an idle motion is driven by nothing but round-off.
-    rank = int(np.count_nonzero(s > _RANK * np.linalg.norm(motors, 2)))
+    rank = int(np.count_nonzero(s > _DRIVEN * np.linalg.norm(motors, 2)))
     needed = inner.T @ weight
     held = vt[:rank].T @ ((u[:, :rank].T @ needed) / s[:rank])
     left = float(np.abs(inner.T @ motors @ held - needed).max(initial=0.0))

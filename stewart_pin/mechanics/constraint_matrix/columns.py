@@ -11,11 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from stewart_pin.errors import SingularityError
+from stewart_pin.mechanics.constraint_matrix.closures import (
+    ForceAlong,
+    MomentAcross,
+    Transmitted,
+    transmitted,
+)
 from stewart_pin.mechanics.constraint_matrix.kinematics import JointMotion, LinkMotion
 from stewart_pin.mechanics.constraint_matrix.spatial import force_at, motion_about, skew
 from stewart_pin.mechanics.constraint_matrix.topology import CompoundJoint
 from stewart_pin.model.description import Loop
-from stewart_pin.model.loop_rows import AngleRow, NormalRow, Row, closure_rows
 from stewart_pin.typing import FloatArray
 
 _DISTINCT = 1e-10
@@ -173,7 +178,7 @@ def loop_columns(loop: Loop, link1: LinkMotion, link2: LinkMotion) -> Columns:
         Wrenches on link 2.
     """
     ends = _ends(loop, link1, link2)
-    wrenches, demands = zip(*(_loop_row(row, ends) for row in closure_rows(loop)), strict=True)
+    wrenches, demands = zip(*(_loop_row(part, ends) for part in transmitted(loop)), strict=True)
     return Columns(np.stack(wrenches, axis=1), np.array(demands))
 
 
@@ -197,13 +202,13 @@ def loop_openings(loop: Loop, link1: LinkMotion, link2: LinkMotion, size: float)
     ends = _ends(loop, link1, link2)
     reach = ends.point2 - ends.point1
     openings = []
-    for row in closure_rows(loop):
-        if isinstance(row, AngleRow):
-            openings.append((ends.rotation1 @ row.u1) @ (ends.rotation2 @ row.u2))
-        elif isinstance(row, NormalRow):
-            openings.append((ends.rotation1 @ row.normal) @ reach / size)
+    for part in transmitted(loop):
+        if isinstance(part, MomentAcross):
+            openings.append((ends.rotation1 @ part.first) @ (ends.rotation2 @ part.second))
+        elif isinstance(part, ForceAlong):
+            openings.append((ends.rotation1 @ part.direction) @ reach / size)
         else:
-            openings.append((np.linalg.norm(reach) - row.length) / size)
+            openings.append((np.linalg.norm(reach) - part.distance) / size)
     return np.array(openings)
 
 
@@ -227,12 +232,12 @@ class _Ends:
     twist2: FloatArray
 
 
-def _loop_row(row: Row, ends: _Ends) -> tuple[FloatArray, float]:
-    """Wrench of one row, and the demand from differentiating the row twice in the world frame."""
+def _loop_row(part: Transmitted, ends: _Ends) -> tuple[FloatArray, float]:
+    """Wrench of one reaction, and the demand from differentiating its opening twice in the world frame."""
     w1, w2 = ends.twist1[3:], ends.twist2[3:]
-    if isinstance(row, AngleRow):
+    if isinstance(part, MomentAcross):
         # g = u1 · u2 with both turning: d²g = (u2 × u1)·(α2 - α1) + u1·(w2×(w2×u2)) + u2·(w1×(w1×u1)) + 2 u̇1·u̇2.
-        u1, u2 = ends.rotation1 @ row.u1, ends.rotation2 @ row.u2
+        u1, u2 = ends.rotation1 @ part.first, ends.rotation2 @ part.second
         rate1, rate2 = skew(w1) @ u1, skew(w2) @ u2
         known = u1 @ skew(w2) @ rate2 + u2 @ skew(w1) @ rate1 + 2 * rate1 @ rate2
         return np.concatenate([np.zeros(3), skew(u2) @ u1]), -float(known)
@@ -243,8 +248,8 @@ def _loop_row(row: Row, ends: _Ends) -> tuple[FloatArray, float]:
     apart = velocity2 - velocity1
     # Spatial to classical acceleration of these points adds ω × velocity.
     classical = skew(w2) @ velocity2 - skew(w1) @ velocity1
-    if isinstance(row, NormalRow):
-        n = ends.rotation1 @ row.normal
+    if isinstance(part, ForceAlong):
+        n = ends.rotation1 @ part.direction
         # g = n·reach with n fixed in body 1: d²g = n·(relative acceleration) + 2 (w1 × n)·apart.
         known = n @ classical + 2 * skew(w1) @ n @ apart
     else:

@@ -11,8 +11,8 @@ import numpy as np
 
 from stewart_pin.mechanics.constraint_matrix.columns import Columns, Freedoms, effort_column
 from stewart_pin.mechanics.constraint_matrix.topology import Topology
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import Coupling
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, Tangent
 
 

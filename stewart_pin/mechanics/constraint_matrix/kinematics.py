@@ -8,8 +8,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.mechanics.constraint_matrix.spatial import cross_motion, skew
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import Joint, JointKind
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 
@@ -54,7 +54,7 @@ class JointMotion:
 
 
 def tree_motion(
-    chain: ClosedChain, q: Configuration, v: Tangent
+    chain: ClosedChain, q: Configuration, v: Tangent, about: FloatArray
 ) -> tuple[dict[str, LinkMotion], dict[str, JointMotion]]:
     """Walk from the ground outwards.
 
@@ -66,6 +66,8 @@ def tree_motion(
         (nq,) configuration [m, rad, unit quaternions].
     v
         (nv,) tangent velocity [m/s, rad/s].
+    about
+        (3,) point of the world that is taken for its origin [m].
 
     Returns
     -------
@@ -75,7 +77,7 @@ def tree_motion(
         Axes, origin and bias of every tree joint.
     """
     mechanism, model = chain.mechanism, chain.model
-    links = {mechanism.root: LinkMotion(np.eye(3), np.zeros(3), np.zeros(6))}
+    links = {mechanism.root: LinkMotion(np.eye(3), -about, np.zeros(6))}
     joints: dict[str, JointMotion] = {}
     pending = list(mechanism.joints)
     while pending:

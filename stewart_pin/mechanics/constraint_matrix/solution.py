@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
 
-from stewart_pin.checks import as_array
 from stewart_pin.errors import ActuationError, InputError
 from stewart_pin.mechanics.constraint_matrix.columns import loop_openings
 from stewart_pin.mechanics.constraint_matrix.couplings import coupling_opening
 from stewart_pin.mechanics.constraint_matrix.spatial import motion_about
 from stewart_pin.mechanics.constraint_matrix.system import AssembledSystem, ConstraintMatrixSystem, assemble
 from stewart_pin.mechanics.effort import Effort
-from stewart_pin.model.chain import ClosedChain, as_configuration
-from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State
+from stewart_pin.tolerances import CONSISTENT, NOTHING, TAKES_PART
+from stewart_pin.typing import Configuration, FloatArray, Tangent
 
-_RANK = 1e-11
-"""Singular values below this, relative to the largest, count as zero: a hundred times the round-off of so many rows,
-and a tenth of what the other formulation calls zero, for it sees the singularity through the inertias."""
-_CONSISTENT = 1e-6
-"""How far a state may be from closed loops, relative to its size."""
-_TAKES_PART = 1e-8
-"""Entries of an orthonormal basis below this are round-off: that of singular vectors near a gap of `_RANK`."""
+_SAMPLES = 3
+"""Closed configurations at which the rank of the system is looked at, once per chain."""
+_REGULAR = 1e-11
+"""Reciprocal condition number of a system without dependent columns from which on it is solved as it stands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,19 +34,13 @@ class _Solution:
     scale: FloatArray
 
 
-def constraint_matrix_inverse_dynamics(
-    chain: ClosedChain, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, throw: bool = True
-) -> Effort:
+def constraint_matrix_inverse_dynamics(state: State, a: Tangent, *, throw: bool = True) -> Effort:
     """Compute motor efforts and loop reactions from the maximal-coordinate system.
 
     Parameters
     ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
-    v
-        (nv,) tangent velocity that keeps them closed [m/s, rad/s].
+    state
+        State that keeps the loops closed.
     a
         (nv,) tangent acceleration that keeps them closed [m/s², rad/s²].
     throw
@@ -64,19 +57,20 @@ def constraint_matrix_inverse_dynamics(
     ActuationError
         If the motors cannot hold the robot.
     InputError
-        If the state does not keep the loops closed.
+        If the bodies' own motion does not keep the loops closed.
     """
-    q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
-    a = as_array("a", a, (chain.nv,))
-    assembled = assemble(chain, q, v, a)
+    chain, q, v = state.chain, state.q, state.v
+    # About a point within the robot: where it stands in the world shall cost no digits.
+    assembled = assemble(chain, q, v, a, _middle(state))
     system = assembled.system
     _require_consistent(chain, assembled, a)
     _require_coupled(chain, q, v, a)
     n_bodies = system.f_p.size
-    solution = _solve(system, chain.length_scale)
+    deficiency = _deficiency(chain)
+    solution = _solve(system, chain.length_scale, deficiency if throw else None)
     motors = slice(solution.unknowns.size - chain.nu, solution.unknowns.size)
     first_loop = 1 + sum(freedom.axes.shape[1] < 6 for freedom in assembled.freedoms)
-    loops = slice(n_bodies + system.columns[first_loop].start, motors.start)
+    loops = slice(n_bodies + system.columns[first_loop].start if chain.nc else motors.start, motors.start)
     # Least norm of the wrenches; bodies that nothing determines keep as near to the demand as they can.
     demand = np.zeros_like(solution.unknowns)
     demand[:n_bodies] = _tree_accelerations(assembled, a)
@@ -86,7 +80,7 @@ def constraint_matrix_inverse_dynamics(
 
     residual_vector = system.matrix @ unknowns - system.right_hand_side
     if throw:
-        _require_held(chain, assembled, solution, unknowns, a)
+        _require_held(chain, assembled, unknowns, a)
     return Effort(
         tau_motor=unknowns[motors],
         lambda_c=unknowns[loops],
@@ -97,18 +91,43 @@ def constraint_matrix_inverse_dynamics(
     )
 
 
-def _solve(system: ConstraintMatrixSystem, size: float) -> _Solution:
+def _middle(state: State) -> FloatArray:
+    return state.loops.origin2.mean(axis=0) if len(state.chain.loops) else np.zeros(3)
+
+
+@lru_cache(maxsize=16)
+def _deficiency(chain: ClosedChain) -> int:
+    """Count the unknowns that the equations of a mechanism leave undetermined wherever it stands.
+
+    Found by the gap between singular values at closed configurations, as the ranks of the loops are, but from this
+    system's own matrix. Chains do not change, so the answers for the last few are kept.
+    """
+    found: list[int] = []
+    for q in chain.generic.samples[:_SAMPLES]:
+        state = chain.at(q)
+        system = assemble(chain, q, state.v, chain.rest, _middle(state)).system
+        scale, across = _natural_units(system, chain.length_scale)
+        values = np.linalg.svd(system.matrix.toarray() * across[:, None] * scale, compute_uv=False)
+        values = np.maximum(values / values[0], 0.01 * NOTHING)
+        ratios = values / np.append(values[1:], 0.01 * NOTHING)
+        found.append(values.size - 1 - int(np.argmax(np.where(values > NOTHING, ratios, 0.0))))
+    return min(found)
+
+
+def _solve(system: ConstraintMatrixSystem, size: float, deficiency: int | None) -> _Solution:
+    """Solve with as many directions as the mechanism has, or where that is not asked for as the matrix has here."""
     scale, across = _natural_units(system, size)
     # Dense on purpose: at this size LAPACK is faster than SuperLU, which crashes on singular matrices.
     matrix = system.matrix.toarray() * across[:, None] * scale
     right = system.right_hand_side * across
-    getrf, gecon, getrs = get_lapack_funcs(("getrf", "gecon", "getrs"), (matrix,))
-    factors, pivots, info = getrf(matrix)
-    if info == 0 and gecon(factors, np.linalg.norm(matrix, 1))[0] > _RANK:
-        unknowns = getrs(factors, pivots, right)[0]
-        return _Solution(scale * unknowns, np.zeros((right.size, 0)), scale)
+    if not deficiency:
+        getrf, gecon, getrs = get_lapack_funcs(("getrf", "gecon", "getrs"), (matrix,))
+        factors, pivots, info = getrf(matrix)
+        if info == 0 and gecon(factors, np.linalg.norm(matrix, 1))[0] > _REGULAR:
+            unknowns = getrs(factors, pivots, right)[0]
+            return _Solution(scale * unknowns, np.zeros((right.size, 0)), scale)
     u, s, vt = np.linalg.svd(matrix)
-    rank = int(np.count_nonzero(s > _RANK * s[0]))
+    rank = int(np.count_nonzero(s > _REGULAR * s[0])) if deficiency is None else s.size - deficiency
     unknowns = vt[:rank].T @ ((u[:, :rank].T @ right) / s[:rank])
     return _Solution(scale * unknowns, vt[rank:].T, scale)
 
@@ -137,7 +156,7 @@ def _least_norm(solution: _Solution, groups: list[slice]) -> tuple[FloatArray, l
     for group in groups:
         # Whether a group takes part in what is undetermined shows in natural units; what is least, in physical ones.
         _, s, vt = np.linalg.svd(basis[group], full_matrices=True)
-        rank = int(np.count_nonzero(s > _TAKES_PART))
+        rank = int(np.count_nonzero(s > TAKES_PART))
         unique.append(rank == 0)
         if rank:
             moving = scale * (basis @ vt[:rank].T)
@@ -160,7 +179,7 @@ def _require_consistent(chain: ClosedChain, assembled: AssembledSystem, a: Tange
             assembled.links[joint.loop.link2],
             chain.length_scale,
         )
-        if np.abs(opening).max() > _CONSISTENT:
+        if np.abs(opening).max() > CONSISTENT:
             raise InputError(
                 f"q does not keep loop '{joint.name}' closed: a row is off by {np.abs(opening).max():.3g}, in robot "
                 "sizes or radians; see close_loops"
@@ -170,7 +189,7 @@ def _require_consistent(chain: ClosedChain, assembled: AssembledSystem, a: Tange
         left = matrix[:, columns].T @ bodies - system.c_a[columns]
         for what, value, size in (("v", rate, twists), ("a", left, bodies)):
             worst = float(np.abs(value).max(initial=0.0))
-            if worst > _CONSISTENT * max(1.0, float(np.abs(size).max())):
+            if worst > CONSISTENT * max(1.0, float(np.abs(size).max())):
                 raise InputError(
                     f"{what} does not keep loop '{joint.name}' closed: {worst:.3g} is left over; see platform_motion"
                 )
@@ -181,7 +200,7 @@ def _require_coupled(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangen
         opening = coupling_opening(chain, coupling, q, v, a)
         entry = chain.model.joints[chain.model.getJointId(coupling.joint1)].idx_v
         for what, left, size in zip("qva", opening, (np.zeros(1), v, a), strict=True):
-            if abs(left) > _CONSISTENT * chain.tangent_scale[entry] * max(1.0, float(np.abs(size).max())):
+            if abs(left) > CONSISTENT * chain.tangent_scale[entry] * max(1.0, float(np.abs(size).max())):
                 raise InputError(
                     f"{what} does not keep coupling '{coupling.name}' of joint '{coupling.joint1}': {left:.3g} is left "
                     "over; see close_loops and platform_motion"
@@ -207,10 +226,10 @@ def _tangent_acceleration(assembled: AssembledSystem, bodies: FloatArray, demand
     return a
 
 
-def _require_held(
-    chain: ClosedChain, assembled: AssembledSystem, solution: _Solution, unknowns: FloatArray, a: Tangent
-) -> None:
-    """Refuse when the platform does not do what was asked, or could move with all joints' wrenches at work."""
+def _require_held(chain: ClosedChain, assembled: AssembledSystem, unknowns: FloatArray, a: Tangent) -> None:
+    """Refuse when the platform does not do what was asked."""
+    if chain.platform is None:
+        return
     system = assembled.system
     carrier = chain.platform
     while carrier not in system.bodies:
@@ -220,25 +239,14 @@ def _require_held(
     motion = _motion_scale(system, chain.length_scale)
     # In natural units, so that the unit of length decides nothing.
     asked, done = (x[rows] / motion[rows] for x in (_tree_accelerations(assembled, a), unknowns))
-    follows = np.abs(asked - done).max() <= _CONSISTENT * max(1.0, float(np.abs(asked).max()))
-    if follows and not solution.undetermined.shape[1]:
+    if np.abs(asked - done).max() <= CONSISTENT * max(1.0, float(np.abs(asked).max())):
         return
-    # Motions of the bodies that no joint and no motor resists: the null space of Cᵀ.
-    columns = _column_scale(system, motion)
-    _, s, vt = np.linalg.svd((system.C * motion[:, None] * columns).T.toarray())
-    rank = int(np.count_nonzero(s > _RANK * s[0]))
-    smallest = float(s[-1]) if len(s) == len(vt) else 0.0
-    free = vt[rank:, rows]
-    if follows and (not free.size or np.linalg.norm(free, 2) < _TAKES_PART):
-        return
-    free = free * motion[rows]
-    direction = np.linalg.svd(free)[2][0] if free.size else np.sign(asked - done)
-    shown = ", ".join(f"{x:+.3g}" for x in direction)
+    direction = (asked - done) / np.abs(asked - done).max()
     raise ActuationError(
-        f"the motors cannot hold the robot here: the platform keeps a freedom with all motors locked (smallest "
-        f"singular value {smallest:.3g}), spatial velocity at the world origin ({shown}); move away from this "
+        "the motors cannot hold the robot here: the platform does not follow the motors, it misses "
+        f"({', '.join(f'{x:+.3g}' for x in direction)}) of its spatial acceleration; move away from this "
         "configuration, add a motor, or pass throw=False for least squares",
-        smallest_singular_value=smallest,
+        smallest_singular_value=0.0,
         direction=direction,
         names=tuple(f"{carrier} {axis}" for axis in ("vx", "vy", "vz", "wx", "wy", "wz")),
     )

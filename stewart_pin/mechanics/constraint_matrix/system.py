@@ -15,7 +15,6 @@ import numpy as np
 import pinocchio as pin
 import scipy.sparse
 
-from stewart_pin.checks import as_array
 from stewart_pin.mechanics.constraint_matrix.columns import (
     Columns,
     Freedoms,
@@ -28,7 +27,8 @@ from stewart_pin.mechanics.constraint_matrix.couplings import coupling_parts
 from stewart_pin.mechanics.constraint_matrix.kinematics import JointMotion, LinkMotion, tree_motion
 from stewart_pin.mechanics.constraint_matrix.spatial import cross_force, spatial_inertia
 from stewart_pin.mechanics.constraint_matrix.topology import Topology, topology
-from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State, as_state
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 
@@ -101,31 +101,36 @@ class AssembledSystem:
 
 
 def constraint_matrix_system(
-    chain: ClosedChain, q: ArrayLike, v: ArrayLike, a: ArrayLike
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    a: ArrayLike | None = None,
 ) -> ConstraintMatrixSystem:
     """Assemble the equations of motion in maximal coordinates.
 
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     v
-        (nv,) tangent velocity [m/s, rad/s].
+        (nv,) tangent velocity, with a chain [m/s, rad/s].
     a
-        (nv,) tangent acceleration, of which the motors' entries are demanded [m/s², rad/s²].
+        (nv,) tangent acceleration, of which the motors' entries are demanded; with a chain [m/s², rad/s²].
 
     Returns
     -------
     ConstraintMatrixSystem
         I, C, f_p, c_a with the names of bodies and joints.
     """
-    q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
-    return assemble(chain, q, v, as_array("a", a, (chain.nv,))).system
+    state = as_state(chain, q, v, a)
+    return assemble(state.chain, state.q, state.v, state.require_accelerating()).system
 
 
-def assemble(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent) -> AssembledSystem:
+def assemble(
+    chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent, about: FloatArray | None = None
+) -> AssembledSystem:
     """Assemble the equations and keep the kinematics.
 
     Parameters
@@ -138,6 +143,8 @@ def assemble(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent) -> As
         (nv,) tangent velocity [m/s, rad/s].
     a
         (nv,) tangent acceleration [m/s², rad/s²].
+    about
+        (3,) point that is taken for the world origin; default: the origin itself [m].
 
     Returns
     -------
@@ -145,7 +152,7 @@ def assemble(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent) -> As
         Equations and kinematics.
     """
     layout = topology(chain.mechanism, chain.motors, chain.platform)
-    links, joints = tree_motion(chain, q, v)
+    links, joints = tree_motion(chain, q, v, np.zeros(3) if about is None else about)
     number = {link.name: k for k, link in enumerate(layout.bodies)}
     gravity = np.concatenate([chain.gravity, np.zeros(3)])
 

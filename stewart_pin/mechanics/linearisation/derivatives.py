@@ -15,17 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.closure.newton import RANK
-from stewart_pin.closure.reaction_derivatives import reaction_forces
-from stewart_pin.closure.row_derivatives import row_derivatives
-from stewart_pin.mechanics.constrained import forward_dynamics, pinocchio_inverse_dynamics
-from stewart_pin.mechanics.freedom import analyse_freedom
-from stewart_pin.mechanics.platform import motion_matrix
-from stewart_pin.model.chain import ClosedChain
-from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
-
-_NO_INERTIA = 1e-12
-"""Inertia of a motion, relative to the largest, below which it has none: a thousand units of round-off."""
+from stewart_pin.mechanics.forward_dynamics import forward_dynamics
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_norm
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.reaction_derivatives import reaction_forces
+from stewart_pin.state.row_derivatives import row_derivatives
+from stewart_pin.state.state import State, as_state
+from stewart_pin.tolerances import NO_INERTIA
+from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +64,10 @@ class MotionDerivatives:
 
 
 def inverse_dynamics_derivatives(
-    chain: ClosedChain, q: ArrayLike, v: ArrayLike, a: ArrayLike
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    a: ArrayLike | None = None,
 ) -> EffortDerivatives:
     """Differentiate the motor efforts of `inverse_dynamics`.
 
@@ -77,11 +77,11 @@ def inverse_dynamics_derivatives(
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     v
-        (nv,) tangent velocity that keeps them closed [m/s, rad/s].
+        (nv,) tangent velocity that keeps them closed, with a chain [m/s, rad/s].
     a
         (nv,) tangent acceleration that keeps them closed [m/s², rad/s²].
 
@@ -106,21 +106,22 @@ def inverse_dynamics_derivatives(
     >>> stp.inverse_dynamics_derivatives(chain, chain.q_home, rest, rest).tau_q.shape
     (6, 24)
     """
-    effort = pinocchio_inverse_dynamics(chain, q, v, a)
-    q, v, demand = (np.asarray(x, dtype=float) for x in (q, v, a))
-    force_q, force_v, inertia = force_derivatives(chain, q, v, effort.a, effort.lambda_c)
-    freedom = analyse_freedom(chain, q)
-    motions, idle = freedom.motions, freedom.idle
+    state = as_state(chain, q, v, a)
+    chain = state.chain
+    effort, demand = inverse_dynamics(state), state.require_accelerating()
+    force_q, force_v, inertia = force_derivatives(state, effort.a, effort.lambda_c)
+    motions, idle = state.freedom.motions, state.freedom.idle
     if idle.shape[1]:
-        force_q = force_q + inertia @ _idle_turning(chain, q, effort.a - demand)
+        force_q = force_q + inertia @ _idle_turning(state, effort.a - demand)
         # Idle freedoms take over what they carry: idleᵀ (d force + M idle β) = 0.
         give = np.eye(chain.nv) - inertia @ idle @ _inverse_inertia(chain, inertia, idle) @ idle.T
         force_q, force_v, inertia = give @ force_q, give @ force_v, give @ inertia
-    share = motions[chain.motor_index].T
-    spread = np.linalg.pinv(share, rcond=RANK)
+    share, rank = motions[chain.motor_index].T, state.freedom.count.motor
+    u, s, vt = np.linalg.svd(share, full_matrices=False)
+    spread = (vt[:rank].T / s[:rank]) @ u[:, :rank].T
     # Least-norm efforts are in the range of the motors' share, which turns with the motions: dN = -J⁺ d(J N).
-    pull = motions @ np.linalg.lstsq(share.T, effort.tau_motor, rcond=RANK)[0]
-    turned = -_least_norm(chain, q, row_derivatives(chain, q, pull, np.zeros(chain.nv)).rate_q)
+    pull = motions @ least_norm(share.T, effort.tau_motor, rank)
+    turned = -_least_norm(state, row_derivatives(chain, state.q, pull, chain.rest).rate_q)
     beside = np.eye(chain.nu) - spread @ share
     return EffortDerivatives(
         tau_q=spread @ (motions.T @ force_q) + beside @ turned[chain.motor_index],
@@ -130,18 +131,21 @@ def inverse_dynamics_derivatives(
 
 
 def forward_dynamics_derivatives(
-    chain: ClosedChain, q: ArrayLike, v: ArrayLike, tau_motor: ArrayLike
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    tau_motor: ArrayLike | None = None,
 ) -> MotionDerivatives:
     """Differentiate the acceleration of `forward_dynamics`.
 
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     v
-        (nv,) tangent velocity that keeps them closed [m/s, rad/s].
+        (nv,) tangent velocity that keeps them closed, with a chain [m/s, rad/s].
     tau_motor
         (nu,) motor efforts in the order of ``chain.motors`` [N or N m].
 
@@ -159,15 +163,16 @@ def forward_dynamics_derivatives(
     SingularityError
         If a motion that motors or platform take part in has no inertia.
     """
-    motion = forward_dynamics(chain, q, v, tau_motor)
-    q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
-    force_q, force_v, inertia = force_derivatives(chain, q, v, motion.a, motion.lambda_c)
-    rows = row_derivatives(chain, q, v, motion.a)
-    motions = analyse_freedom(chain, q).motions
+    state = as_state(chain, q, v)
+    chain = state.chain
+    motion = forward_dynamics(state, tau_motor=tau_motor)
+    force_q, force_v, inertia = force_derivatives(state, motion.a, motion.lambda_c)
+    rows = row_derivatives(chain, state.q, state.v, motion.a)
+    motions = state.freedom.motions
     response = motions @ _inverse_inertia(chain, inertia, motions) @ motions.T
 
     def solve(force: FloatArray, row: FloatArray) -> FloatArray:
-        across = -_least_norm(chain, q, row)
+        across = -_least_norm(state, row)
         return across + response @ (force - inertia @ across)
 
     push = np.eye(chain.nv)[:, chain.motor_index]
@@ -179,18 +184,14 @@ def forward_dynamics_derivatives(
 
 
 def force_derivatives(
-    chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent, lambda_c: FloatArray
+    state: State, a: Tangent, lambda_c: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Differentiate M a + nle - J_cᵀ λ for fixed λ.
 
     Parameters
     ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration [m, rad, unit quaternions].
-    v
-        (nv,) tangent velocity [m/s, rad/s].
+    state
+        The state.
     a
         (nv,) tangent acceleration [m/s², rad/s²].
     lambda_c
@@ -201,40 +202,41 @@ def force_derivatives(
     tuple of numpy.ndarray
         (nv, nv) each, with respect to q, v and a; the last is the joint-space inertia [N, N m per m, rad, per s, s²].
     """
-    reactions = reaction_forces(chain, q, lambda_c)
-    data = pin.Data(chain.model)
-    pin.computeRNEADerivatives(chain.model, data, q, v, a, reactions.forces)
-    force_q, force_v, inertia = (
-        np.array(x).reshape(chain.nv, chain.nv) for x in (data.dtau_dq, data.dtau_dv, data.M)
-    )
-    inertia = np.triu(inertia) + np.triu(inertia, 1).T  # Pinocchio fills the upper triangle only
-    return force_q - reactions.derivative, force_v, inertia
+    chain, model, unit = state.chain, state.chain.mass_model, state.chain.mass_unit
+    reactions = reaction_forces(chain, state.q, lambda_c / unit)
+    data = pin.Data(model)
+    pin.computeRNEADerivatives(model, data, state.q, state.v, a, reactions.forces)
+    force_q, force_v = (np.array(x).reshape(chain.nv, chain.nv) for x in (data.dtau_dq, data.dtau_dv))
+    return unit * (force_q - reactions.derivative), unit * force_v, state.M
 
 
-def _least_norm(chain: ClosedChain, q: Configuration, rows: FloatArray) -> FloatArray:
-    """Smallest tangent vectors (nv, n) with the given rates of the loop rows (nc, n), lengths in robot sizes."""
-    scale = chain.tangent_scale
-    jacobian = motion_matrix(chain, q)[: chain.nc] * scale
-    return scale[:, None] * np.linalg.lstsq(jacobian, rows, rcond=RANK)[0]
+def _least_norm(state: State, rows: FloatArray) -> FloatArray:
+    """Smallest tangent vectors (nv, n) with the given rates of the loop rows (nc, n), in natural units."""
+    chain = state.chain
+    return chain.tangent_scale[:, None] * state.motions.across(rows / chain.row_sizes[:, None])
 
 
-def _idle_turning(chain: ClosedChain, q: Configuration, idle: Tangent) -> FloatArray:
+def _idle_turning(state: State, idle: Tangent) -> FloatArray:
     """How a fixed idle motion has to turn with the configuration to stay idle: (nv, nv), least norm.
 
     It moves neither loops nor motors nor platform: [J_c; S; P] z = 0, so that [J_c; S; P] dz = -d[J_c; S; P] z.
     """
-    matrix = motion_matrix(chain, q)
-    stacked = np.vstack([matrix, np.eye(chain.nv)[chain.motor_index]])
-    loops = row_derivatives(chain, q, idle, np.zeros(chain.nv)).rate_q
-    change = np.vstack([loops, _platform_rate(chain, q, idle), np.zeros((chain.nu, chain.nv))])
-    scale = chain.tangent_scale
-    return -scale[:, None] * np.linalg.lstsq(stacked * scale, change, rcond=RANK)[0]
+    chain = state.chain
+    loops = row_derivatives(chain, state.q, idle, chain.rest).rate_q
+    across = -state.motions.across(loops / chain.row_sizes[:, None])
+    # What the least motion across the loops gives motors and platform is taken back along the active motions.
+    sizes, scale, active = chain.twist_sizes[:, None], chain.tangent_scale, state.freedom.active
+    twist = state.P * scale / sizes
+    demand = np.vstack([np.zeros((chain.nu, chain.nv)), -_platform_rate(state, idle) / sizes])
+    both = np.vstack([chain.motor_rows, twist])
+    change = across + active @ np.linalg.pinv(both @ active) @ (demand - both @ across)
+    return scale[:, None] * change
 
 
-def _platform_rate(chain: ClosedChain, q: Configuration, v: Tangent) -> FloatArray:
+def _platform_rate(state: State, v: Tangent) -> FloatArray:
     """Differentiate the platform's twist, where a motion leaves it at rest, with respect to q: (6, nv), world axes."""
-    data = pin.Data(chain.model)
-    pin.computeForwardKinematicsDerivatives(chain.model, data, q, v, np.zeros(chain.nv))
+    chain, data = state.chain, pin.Data(state.chain.model)
+    pin.computeForwardKinematicsDerivatives(chain.model, data, state.q, v, chain.rest)
     oMp = pin.updateFramePlacement(chain.model, data, chain.platform_id)
     # The turning of the axes acts on the twist, which is zero.
     by_q = pin.getFrameVelocityDerivatives(chain.model, data, chain.platform_id, pin.ReferenceFrame.LOCAL)[0]
@@ -245,5 +247,5 @@ def _inverse_inertia(chain: ClosedChain, inertia: FloatArray, motions: FloatArra
     """Inverse of the inertia of the motions that have any."""
     moments, axes = np.linalg.eigh(motions.T @ inertia @ motions)
     scale = chain.tangent_scale
-    heavy = moments > _NO_INERTIA * np.abs(scale[:, None] * inertia * scale).max()
+    heavy = moments > NO_INERTIA * np.abs(scale[:, None] * inertia * scale).max()
     return (axes[:, heavy] / moments[heavy]) @ axes[:, heavy].T

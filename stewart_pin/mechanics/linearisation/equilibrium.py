@@ -13,10 +13,11 @@ import numpy as np
 
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
-from stewart_pin.mechanics.constrained import forward_dynamics, pinocchio_inverse_dynamics
-from stewart_pin.mechanics.freedom import Freedom, analyse_freedom
+from stewart_pin.mechanics.forward_dynamics import forward_dynamics
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.linearisation.derivatives import forward_dynamics_derivatives
-from stewart_pin.model.chain import ClosedChain, as_configuration
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State, as_state
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _AT_REST = 1e-6
@@ -51,7 +52,9 @@ class LinearSystem:
     tau_motor: FloatArray
 
 
-def linearise(chain: ClosedChain, q: ArrayLike, *, tau_motor: ArrayLike | None = None) -> LinearSystem:
+def linearise(
+    chain: ClosedChain | State, q: ArrayLike | None = None, *, tau_motor: ArrayLike | None = None
+) -> LinearSystem:
     """Linearise the motion of a chain about an equilibrium.
 
     The coordinates are the displacements of the motors (or of as many of them as the chain has freedoms), and of the
@@ -60,9 +63,9 @@ def linearise(chain: ClosedChain, q: ArrayLike, *, tau_motor: ArrayLike | None =
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     tau_motor
         (nu,) motor efforts that hold it there [N or N m]; default: those that gravity needs.
 
@@ -85,11 +88,12 @@ def linearise(chain: ClosedChain, q: ArrayLike, *, tau_motor: ArrayLike | None =
     Idle freedoms with inertia but nothing that holds them stay in the system, with zero eigenvalues; those without
     inertia do not move.
     """
-    q = as_configuration(chain, "q", q)
-    rest = np.zeros(chain.nv)
-    needed = pinocchio_inverse_dynamics(chain, q, rest, rest)
+    state = as_state(chain, q)
+    state = State(state.chain, state.q)  # at rest
+    chain = state.chain
+    needed = inverse_dynamics(state)
     tau = needed.tau_motor if tau_motor is None else as_array("tau_motor", tau_motor, (chain.nu,))
-    left = forward_dynamics(chain, q, rest, tau).a / chain.tangent_scale
+    left = forward_dynamics(state, tau_motor=tau).a / chain.tangent_scale
     if np.abs(left).max(initial=0.0) > _AT_REST * max(1.0, float(np.linalg.norm(chain.gravity))):
         worst = int(np.argmax(np.abs(left)))
         raise InputError(
@@ -97,9 +101,8 @@ def linearise(chain: ClosedChain, q: ArrayLike, *, tau_motor: ArrayLike | None =
             f"{left[worst]:.3g} robot sizes or radians per s²; leave tau_motor out, or choose a configuration at rest "
             "(idle freedoms hang down)"
         )
-    freedom = analyse_freedom(chain, q)
-    motions, names = coordinate_motions(chain, freedom)
-    slopes = forward_dynamics_derivatives(chain, q, rest, tau)
+    motions, names = coordinate_motions(state)
+    slopes = forward_dynamics_derivatives(state, tau_motor=tau)
     scale = chain.tangent_scale[:, None]
     coordinates = np.linalg.pinv(motions / scale) / scale.T  # ξ of a motion
     n = motions.shape[1]
@@ -107,18 +110,16 @@ def linearise(chain: ClosedChain, q: ArrayLike, *, tau_motor: ArrayLike | None =
     A[:n, n:] = np.eye(n)
     A[n:, :n] = coordinates @ slopes.a_q @ motions
     B = np.vstack([np.zeros((n, chain.nu)), coordinates @ slopes.a_tau])
-    return LinearSystem(A, B, motions, names, q, tau)
+    return LinearSystem(A, B, motions, names, state.q, tau)
 
 
-def coordinate_motions(chain: ClosedChain, freedom: Freedom) -> tuple[FloatArray, tuple[str, ...]]:
+def coordinate_motions(state: State) -> tuple[FloatArray, tuple[str, ...]]:
     """Choose readable coordinates of the motions: motors first, idle freedoms after.
 
     Parameters
     ----------
-    chain
-        Closed chain whose motors hold it.
-    freedom
-        Its motions at a configuration.
+    state
+        State of a chain whose motors hold it.
 
     Returns
     -------
@@ -127,10 +128,9 @@ def coordinate_motions(chain: ClosedChain, freedom: Freedom) -> tuple[FloatArray
     names : tuple of str
         One per coordinate.
     """
+    chain, freedom = state.chain, state.freedom
     scale = chain.tangent_scale[:, None]
-    idle = freedom.idle / scale
-    basis = freedom.motions / scale
-    held = np.linalg.svd(basis - idle @ (idle.T @ basis))[0][:, : basis.shape[1] - idle.shape[1]]
+    idle, held = freedom.idle / scale, freedom.active
     share = (held * scale)[chain.motor_index]
     motors = list(range(chain.nu))
     if chain.nu > held.shape[1]:

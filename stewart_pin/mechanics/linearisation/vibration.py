@@ -18,16 +18,14 @@ import scipy.linalg
 
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, SingularityError
-from stewart_pin.mechanics.constrained import pinocchio_inverse_dynamics
-from stewart_pin.mechanics.freedom import Freedom, analyse_freedom
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.linearisation.derivatives import force_derivatives
 from stewart_pin.mechanics.linearisation.equilibrium import coordinate_motions
-from stewart_pin.mechanics.platform import motion_matrix
-from stewart_pin.model.chain import ClosedChain, as_configuration
-from stewart_pin.typing import ArrayLike, Configuration, FloatArray
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State, as_state
+from stewart_pin.tolerances import NO_INERTIA
+from stewart_pin.typing import ArrayLike, FloatArray
 
-_NO_INERTIA = 1e-12
-"""Inertia of a motion, relative to the largest, below which it has none: a thousand units of round-off."""
 _NO_STIFFNESS = 1e-9
 """Stiffness of a weightless motion, relative to the largest, below which nothing holds it."""
 
@@ -65,16 +63,20 @@ class Vibration:
 
 
 def natural_frequencies(
-    chain: ClosedChain, q: ArrayLike, *, motor_stiffness: ArrayLike, preload: bool = True
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
+    *,
+    motor_stiffness: ArrayLike,
+    preload: bool = True,
 ) -> Vibration:
     """Find the natural frequencies of a chain that stands on elastic motors.
 
     Parameters
     ----------
     chain
-        Closed chain.
+        Closed chain, or a state of it.
     q
-        (nq,) configuration with closed loops, held by the motors [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, held by the motors; with a chain [m, rad, unit quaternions].
     motor_stiffness
         (nu,) or one number: stiffness of each motor [N/m or N m/rad].
     preload
@@ -101,11 +103,11 @@ def natural_frequencies(
     >>> stp.natural_frequencies(chain, chain.q_home, motor_stiffness=1e7).frequency.shape
     (6,)
     """
-    q = as_configuration(chain, "q", q)
-    freedom = analyse_freedom(chain, q)
-    stiffness, mass, motions, names = _matrices(chain, q, freedom, motor_stiffness, preload)
+    state = _at_rest(as_state(chain, q))
+    chain = state.chain
+    stiffness, mass, motions, names = _matrices(state, motor_stiffness, preload)
     moments, axes = scipy.linalg.eigh(mass)
-    heavy = moments > _NO_INERTIA * moments.max(initial=0.0)
+    heavy = moments > NO_INERTIA * moments.max(initial=0.0)
     weightless = axes[:, ~heavy]
     held = np.abs(weightless.T @ stiffness).max(initial=0.0)
     if held > _NO_STIFFNESS * np.abs(stiffness).max(initial=0.0):
@@ -132,16 +134,20 @@ def natural_frequencies(
 
 
 def platform_stiffness(
-    chain: ClosedChain, q: ArrayLike, *, motor_stiffness: ArrayLike, preload: bool = True
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
+    *,
+    motor_stiffness: ArrayLike,
+    preload: bool = True,
 ) -> FloatArray:
     """Compute the stiffness of the platform on elastic motors: wrench per small displacement.
 
     Parameters
     ----------
     chain
-        Closed chain whose platform has six freedoms.
+        Closed chain whose platform has six freedoms, or a state of it.
     q
-        (nq,) configuration with closed loops, held by the motors [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, held by the motors; with a chain [m, rad, unit quaternions].
     motor_stiffness
         (nu,) or one number: stiffness of each motor [N/m or N m/rad].
     preload
@@ -160,9 +166,9 @@ def platform_stiffness(
     InputError
         If the loops are open, a stiffness is negative, or the platform has fewer than six freedoms.
     """
-    q = as_configuration(chain, "q", q)
-    freedom = analyse_freedom(chain, q)
-    stiffness, _, motions, names = _matrices(chain, q, freedom, motor_stiffness, preload)
+    state = _at_rest(as_state(chain, q))
+    chain = state.chain
+    stiffness, _, motions, names = _matrices(state, motor_stiffness, preload)
     active = [k for k, name in enumerate(names) if not name.startswith("idle ")]
     if len(active) != 6:
         raise InputError(
@@ -170,22 +176,26 @@ def platform_stiffness(
             "use natural_frequencies(...).stiffness, which is along its motors"
         )
     # Twist of the platform per motor displacement; idle freedoms do not move it.
-    twist = motion_matrix(chain, q)[chain.nc :] @ motions[:, active]
+    twist = state.P @ motions[:, active]
     inverse = np.linalg.inv(twist)
     return inverse.T @ stiffness[np.ix_(active, active)] @ inverse
 
 
+def _at_rest(state: State) -> State:
+    return state if not state.v.any() else State(state.chain, state.q)
+
+
 def _matrices(
-    chain: ClosedChain, q: Configuration, freedom: Freedom, motor_stiffness: ArrayLike, preload: bool
+    state: State, motor_stiffness: ArrayLike, preload: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[str, ...]]:
     """Stiffness, mass, motions and names along the coordinates."""
+    chain = state.chain
     springs = as_array("motor_stiffness", np.broadcast_to(motor_stiffness, (chain.nu,)), (chain.nu,))
     if (springs < 0).any():
         raise InputError(f"motor_stiffness must be 0 or more, got {springs.min():g}")
-    rest = np.zeros(chain.nv)
-    effort = pinocchio_inverse_dynamics(chain, q, rest, rest)
-    motions, names = coordinate_motions(chain, freedom)
-    force_q, _, inertia = force_derivatives(chain, q, rest, rest, effort.lambda_c)
+    effort = inverse_dynamics(state)
+    motions, names = coordinate_motions(state)
+    force_q, _, inertia = force_derivatives(state, chain.rest, effort.lambda_c)
     share = motions[chain.motor_index]
     stiffness = share.T @ (springs[:, None] * share)
     if preload:

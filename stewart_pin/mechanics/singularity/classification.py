@@ -9,15 +9,16 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.checks import as_positive
-from stewart_pin.closure.newton import close_loops
 from stewart_pin.errors import InputError
-from stewart_pin.mechanics.capability.velocity import closed_configuration
-from stewart_pin.mechanics.freedom import RANK, TWIST_AXES, FreedomCount, analyse_freedom, counted
-from stewart_pin.mechanics.generic import generic_freedom
 from stewart_pin.mechanics.singularity.screws import Screw, twist_and_wrench
 from stewart_pin.mechanics.singularity.split import MEANING, JacobianSplit, SingularityKind, split_jacobians
-from stewart_pin.model.chain import ClosedChain
-from stewart_pin.typing import ArrayLike, Configuration, FloatArray
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.freedom import TWIST_AXES, FreedomCount, count_at, counted
+from stewart_pin.state.generic import generic_freedom
+from stewart_pin.state.newton import close_loops
+from stewart_pin.state.state import State, as_state
+from stewart_pin.tolerances import SINGULAR
+from stewart_pin.typing import ArrayLike, FloatArray
 
 _CLEAR = 1e-7
 """Singular value above which its vector stands clear of those that are always zero: the root of round-off."""
@@ -79,12 +80,12 @@ class Singularity:
 
 
 def classify_singularity(
-    chain: ClosedChain,
-    q: ArrayLike,
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
     *,
     axes: Sequence[str] | None = None,
     length: float | None = None,
-    tolerance: float = 1e-6,
+    tolerance: float = SINGULAR,
     generic: FreedomCount | None = None,
 ) -> Singularity:
     """Tell whether a configuration is singular, of which kinds, and what moves or is carried there.
@@ -92,9 +93,9 @@ def classify_singularity(
     Parameters
     ----------
     chain
-        Closed chain. What the platform is decides what it can lose: of a four-bar, take the rocker.
+        Closed chain, or a state of it. What the platform is decides what it can lose: of a four-bar, take the rocker.
     q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     axes
         Components of the twist, in world axes, that count as motion of the platform: ``("vx", "vy")`` where only the
         path of a point of a planar robot matters; default: all.
@@ -131,18 +132,19 @@ def classify_singularity(
     >>> print(stp.classify_singularity(arm, np.zeros(3)))  # stretched
     the platform cannot move some way (type I, serial) [RI, IO]
     """
-    q = closed_configuration(chain, q)
+    state = as_state(chain, q).require_closed()
+    chain = state.chain
     length = chain.length_scale if length is None else as_positive("length", length)
     tolerance = as_positive("tolerance", tolerance)
     usual = generic_freedom(chain, TWIST_AXES if axes is None else axes) if generic is None else generic
     if axes is not None and tuple(axes) != usual.axes:
         raise InputError(f"axes {tuple(axes)} are not those of generic, {usual.axes}; pass one of the two")
-    here = analyse_freedom(chain, q, tolerance=tolerance, axes=usual.axes).count
-    split = split_jacobians(chain, q, usual, length)
+    here = count_at(state, usual.axes, tolerance)
+    split = split_jacobians(state, usual, length)
     kinds, letters = _kinds(here, usual)
     worst, lost, condition = _extreme_directions(split)
     if split.measures[SingularityKind.PLATFORM].value <= _CLEAR:
-        lost = _lost_direction(chain, q, usual, split)
+        lost = _lost_direction(state, usual, split)
     singular = {SingularityKind.MOTOR, SingularityKind.PLATFORM} & set(kinds)
     return Singularity(
         kinds=kinds,
@@ -182,22 +184,21 @@ def _kinds(here: FreedomCount, usual: FreedomCount) -> tuple[tuple[SingularityKi
 def _extreme_directions(split: JacobianSplit) -> tuple[FloatArray, FloatArray, float]:
     """Normalised twists that need the least and the most motor rates, and the condition number between them."""
     u, s, _ = np.linalg.svd(split.platform)
-    rank = int(np.count_nonzero(s > RANK * max(1.0, s[0] if s.size else 0.0)))
+    rank = int(np.count_nonzero(s >= SINGULAR))
     if rank == 0 or not split.motors.size:
         return np.zeros(6), np.zeros(6), np.inf
     # In a basis of the twists that the platform can do: those it never does need no motor rates either.
     feasible = u[:, :rank]
-    to_motors = split.motors @ np.linalg.pinv(feasible.T @ split.platform, rcond=RANK)
+    to_motors = split.motors @ np.linalg.pinv(feasible.T @ split.platform)
     values, vt = np.linalg.svd(to_motors)[1:]
     smallest = values[rank - 1] if values.size >= rank else 0.0
-    condition = float(values[0] / smallest) if smallest > RANK * values[0] else np.inf
+    condition = float(values[0] / smallest) if smallest > SINGULAR * values[0] else np.inf
     return feasible @ vt[-1], feasible @ vt[0], condition
 
 
-def _lost_direction(
-    chain: ClosedChain, q: Configuration, usual: FreedomCount, split: JacobianSplit
-) -> FloatArray:
+def _lost_direction(state: State, usual: FreedomCount, split: JacobianSplit) -> FloatArray:
     """Normalised twist that the platform loses at a singularity."""
+    chain = state.chain
     measure = split.measures[SingularityKind.PLATFORM]
     if usual.platform == len(usual.axes):
         on = counted(usual.axes) > 0
@@ -208,9 +209,9 @@ def _lost_direction(
     here = np.linalg.svd(split.platform)[0][:, : usual.platform - 1]
     for motion in np.hstack([measure.motion[:, None], split.motions]).T:
         step = _ASIDE * chain.tangent_scale * motion / np.abs(motion).max()
-        beside = close_loops(chain, pin.integrate(chain.model, q, step), throw=False)
+        beside = close_loops(chain, pin.integrate(chain.model, state.q, step), throw=False)
         if beside.success:
-            near = split_jacobians(chain, beside.q, usual, split.length)
+            near = split_jacobians(beside.state, usual, split.length)
             if near.measures[SingularityKind.PLATFORM].value > _CLEAR:
                 space = np.linalg.svd(near.platform)[0][:, : usual.platform]
                 return np.linalg.svd(space - here @ (here.T @ space))[0][:, 0]

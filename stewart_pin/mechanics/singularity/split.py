@@ -23,11 +23,9 @@ from enum import StrEnum
 
 import numpy as np
 
-from stewart_pin.closure.equations import row_sizes
-from stewart_pin.mechanics.freedom import FreedomCount, counted
-from stewart_pin.mechanics.platform import motion_matrix
-from stewart_pin.model.chain import ClosedChain
-from stewart_pin.typing import Configuration, FloatArray
+from stewart_pin.state.freedom import FreedomCount, counted
+from stewart_pin.state.state import State
+from stewart_pin.typing import FloatArray
 
 
 class SingularityKind(StrEnum):
@@ -107,17 +105,13 @@ class JacobianSplit:
     length: float
 
 
-def split_jacobians(
-    chain: ClosedChain, q: Configuration, generic: FreedomCount, length: float
-) -> JacobianSplit:
+def split_jacobians(state: State, generic: FreedomCount, length: float) -> JacobianSplit:
     """Split the Jacobians at a configuration.
 
     Parameters
     ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    state
+        State with closed loops.
     generic
         The usual numbers of motions.
     length
@@ -128,11 +122,10 @@ def split_jacobians(
     JacobianSplit
         Measures and bases.
     """
-    scale = chain.tangent_scale
-    sizes = np.concatenate([row_sizes(chain), np.full(3, length), np.ones(3)])
-    matrix = motion_matrix(chain, q) * scale / sizes[:, None]
-    loops, twist = matrix[: chain.nc], matrix[chain.nc :] * counted(generic.axes)[:, None]
-    rows = np.eye(chain.nv)[chain.motor_index]
+    chain, loops = state.chain, state.rows
+    twist = state.P * chain.tangent_scale / np.repeat([length, 1.0], 3)[:, None]
+    twist = twist * counted(generic.axes)[:, None]
+    rows = chain.motor_rows
 
     everything = np.eye(chain.nv)
     bound = chain.nv - generic.dof

@@ -12,13 +12,12 @@ import numpy as np
 import pinocchio as pin
 from scipy import integrate
 
-from stewart_pin.closure.equations import row_sizes
-from stewart_pin.closure.newton import TOLERANCE
 from stewart_pin.errors import ClosureError, InputError
-from stewart_pin.mechanics.freedom import null_space
 from stewart_pin.motion.simulation.lie import displacement_jacobian
 from stewart_pin.motion.simulation.plant import Plant
 from stewart_pin.motion.simulation.steppers import Phase, Rates
+from stewart_pin.state.state import State
+from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import FloatArray
 
 METHODS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
@@ -33,11 +32,11 @@ class _Chart:
     def __init__(self, plant: Plant, phase: Phase) -> None:
         self._plant, self._base, self._guess = plant, phase.q, phase.q
         self._scale = plant.chain.tangent_scale
-        self._sizes = row_sizes(plant.chain)
-        plant.loops.place(phase.q)
+        self._sizes = plant.chain.row_sizes
         self._rows = plant.rows
-        jacobian = plant.loops.jacobian()[self._rows] * self._scale / self._sizes[self._rows, None]
-        self._motions = null_space(jacobian)[0].T  # Nᵀ
+        jacobian = State(plant.chain, phase.q).rows[self._rows]
+        # As many motions as the mechanism has, whatever a singularity adds here.
+        self._motions = np.linalg.svd(jacobian)[2][self._rows.size :]  # Nᵀ
         self.size = self._motions.shape[0]
 
     def write(self, phase: Phase) -> FloatArray:
@@ -56,13 +55,14 @@ class _Chart:
         y, u = coordinates[:n], coordinates[n : 2 * n]
         q, left = self._guess, np.zeros(0)
         for _ in range(_MAX_STEPS):
-            gap = plant.loops.place(q)
+            state = State(plant.chain, q)
+            gap = state.gap
             moved = pin.difference(plant.model, self._base, q) / self._scale
             left = np.concatenate([(gap / self._sizes)[self._rows], self._motions @ moved - y])
             bent = displacement_jacobian(plant.model, self._base, q)
-            jacobian = plant.loops.jacobian()[self._rows] * self._scale / self._sizes[self._rows, None]
+            jacobian = state.rows[self._rows]
             matrix = np.vstack([jacobian, (self._motions / self._scale) @ bent * self._scale])
-            if np.abs(left).max(initial=0.0) <= TOLERANCE:
+            if np.abs(left).max(initial=0.0) <= max(CLOSED, state.round_off):
                 along = np.vstack([jacobian, self._motions])
                 rest = np.zeros(jacobian.shape[0])
                 v = np.linalg.solve(along, np.concatenate([rest, u])) * self._scale
@@ -143,8 +143,7 @@ class ChartStepper:
 
     def _start(self, t: float, phase: Phase, end: float) -> tuple[_Chart, Any]:
         plant = self._plant
-        plant.loops.place(phase.q)
-        plant.select_rows(phase.q)
+        plant.select_rows(State(plant.chain, phase.q))
         chart = _Chart(plant, phase)
 
         def rate(time: float, coordinates: FloatArray) -> FloatArray:

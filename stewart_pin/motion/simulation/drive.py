@@ -8,7 +8,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from stewart_pin.errors import InputError, StewartPinError
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 Controller = Callable[[float, Configuration, Tangent], FloatArray]

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stewart_pin.mechanics.generic import generic_freedom
 from stewart_pin.mechanics.singularity.split import SingularityKind, split_jacobians
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.motion.simulation.motors import MotorBank
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 KINDS = ("stroke", "rate", "effort", "singularity", "closure_lost", "diverged", "controller")
@@ -63,7 +62,7 @@ class Watcher:
 
     def __init__(self, chain: ClosedChain, bank: MotorBank, singular: float) -> None:
         self._chain, self._bank, self._singular = chain, bank, singular
-        self._generic = generic_freedom(chain)
+        self._generic = chain.generic.count
         self._beyond = np.zeros((3, chain.nu), dtype=bool)
         self._near_singular = False
         self.events: list[Event] = []
@@ -143,7 +142,7 @@ class Watcher:
         list of Event
             One, if a singularity has come near.
         """
-        split = split_jacobians(self._chain, q, self._generic, self._chain.length_scale)
+        split = split_jacobians(self._chain.at(q), self._generic, self._chain.length_scale)
         hold = split.measures[SingularityKind.MOTOR]
         near = hold.value < self._singular
         began, self._near_singular = near and not self._near_singular, near

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _RAMP = 0.05

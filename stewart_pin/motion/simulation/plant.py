@@ -1,24 +1,24 @@
-"""The chain as a simulation sees it: acceleration, projection onto closed loops, energy; scratch that is reused."""
+"""The chain as a simulation sees it: acceleration, projection onto closed loops, energy."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from scipy.linalg import get_lapack_funcs, qr
 
-from stewart_pin.closure.equations import row_sizes
-from stewart_pin.closure.newton import RANK, TOLERANCE
-from stewart_pin.closure.pinocchio_constraints import constraint_models
-from stewart_pin.closure.scratch import LoopScratch
 from stewart_pin.errors import ClosureError, UnsupportedError
 from stewart_pin.kernels.choosing import SimulationKernels
 from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.kernels.running.single_state import SingleState
-from stewart_pin.mechanics.constrained import forward_dynamics
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.mechanics.forward_dynamics import forward_dynamics
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.pinocchio_constraints import constraint_models
+from stewart_pin.state.state import State
+from stewart_pin.tolerances import CLOSED, NO_INERTIA
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 _factorise, _solve = get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)
@@ -27,7 +27,7 @@ _MAX_STEPS = 20
 
 
 class Plant:
-    """Mass, loops and scratch of one simulated chain.
+    """Mass and loops of one simulated chain.
 
     Between two calls of `select_rows` a redundant loop is represented by rows that suffice, chosen there: off the
     closed loops, where the stages of an integrator lie, redundant rows contradict each other.
@@ -55,16 +55,10 @@ class Plant:
         motor_inertia: FloatArray,
         kernels: SimulationKernels | None = None,
     ) -> None:
-        self.chain = chain
-        self.loops = LoopScratch(chain)
-        self.model = chain.model.copy()
-        armature = np.array(self.model.armature)
-        armature[chain.motor_index] += motor_inertia
-        self.model.armature = armature
+        self.chain = _with_motor_inertia(chain, motor_inertia)
+        self.model = self.chain.model
         self._data = pin.Data(self.model)
-        self._scale = chain.tangent_scale
-        self._sizes = row_sizes(chain)
-        self._tolerance = TOLERANCE * self._sizes
+        self._scale, self._sizes = chain.tangent_scale, chain.row_sizes
         self._tau = np.zeros(chain.nv)
         self.rows = np.arange(chain.nc)
         self._candidates = kernels
@@ -86,15 +80,12 @@ class Plant:
         usual = max(1.0, float(np.abs(open_v / self._scale).max(initial=0.0)))
         if projector.status is StateStatus.OK and off < 1e-8 * usual:
             self._projector = projector
-        self.loops.place(q)
 
     def _prepare(self, q: Configuration, v: Tangent) -> None:
-        chain = self.chain
-        self.loops.place(q)
-        self.select_rows(q)
+        state = State(self.chain, q, v)
+        self.select_rows(state)
         # The careful verb knows every reason why there is no acceleration, and says which.
-        moved = chain if not self.model.armature.any() else _with_armature(chain, self.model)
-        expected = forward_dynamics(moved, q, v, np.zeros(chain.nu)).a
+        expected = forward_dynamics(state, tau_motor=np.zeros(self.chain.nu)).a
         self._constrained: tuple[pin.StdVec_RigidConstraintModel, pin.StdVec_RigidConstraintData] | None = (
             None
         )
@@ -110,8 +101,8 @@ class Plant:
             self._leave_wrong_projector(q, v)
         if self._try_constraint_dynamics(q, v, expected):
             return
-        saddle = self._saddle(q)
-        self._weightless = bool(np.linalg.matrix_rank(saddle, rtol=RANK * 1e-3) < saddle.shape[0])
+        saddle = self._saddle(state)
+        self._weightless = bool(np.linalg.matrix_rank(saddle, rtol=NO_INERTIA) < saddle.shape[0])
 
     def _try_constraint_dynamics(self, q: Configuration, v: Tangent, expected: Tangent) -> bool:
         """Use Pinocchio's own algorithm where it gives what the projection gives."""
@@ -140,35 +131,31 @@ class Plant:
         Parameters
         ----------
         q
-            (nq,) configuration with closed loops, placed in `loops` [m, rad, unit quaternions].
+            (nq,) configuration with closed loops [m, rad, unit quaternions].
         v
             (nv,) tangent velocity that keeps them closed [m/s, rad/s].
         """
-        self.select_rows(q)
+        self.select_rows(State(self.chain, q, v))
         if self._kernel is not None:
             kernel, self._kernel = self._kernel, None
             careful = self.acceleration(q, v, np.zeros(self.chain.nu))
             self._kernel = kernel
             if not self._fits(q, v, careful):
                 self._kernel = None
-            self.loops.place(q)
         self._leave_wrong_projector(q, v)
 
-    def select_rows(self, q: Configuration) -> None:
-        """Choose loop rows that imply the others here, where `loops` has been placed.
+    def select_rows(self, state: State) -> None:
+        """Choose loop rows that imply the others here: as many as the mechanism has independent ones.
 
         Parameters
         ----------
-        q
-            (nq,) the configuration placed [m, rad, unit quaternions].
+        state
+            State with closed loops.
         """
-        jacobian = self.loops.jacobian() * self._scale / self._sizes[:, None]
-        if not jacobian.size:
-            return
-        decomposition: Any = qr(jacobian.T, mode="economic", pivoting=True)
-        _, upper, order = decomposition
-        diagonal = np.abs(np.diag(upper))
-        self.rows = np.sort(order[: int(np.count_nonzero(diagonal > RANK * diagonal[0]))])
+        rank = self.chain.generic.rank
+        if rank < self.chain.nc:
+            decomposition: Any = qr(state.rows.T, mode="economic", pivoting=True)
+            self.rows = np.sort(decomposition[2][:rank])
 
     def acceleration(self, q: Configuration, v: Tangent, tau_motor: FloatArray) -> Tangent:
         """Compute the acceleration under motor efforts.
@@ -198,24 +185,22 @@ class Plant:
             return np.array(
                 pin.constraintDynamics(self.model, self._data, q, v, tau, *self._constrained, self._settings)
             )
-        push = tau - pin.nonLinearEffects(self.model, self._data, q, v)
-        self.loops.place(q)
-        saddle = self._saddle(q)
-        right = np.concatenate([push, -self.loops.bias(q, v)[self.rows]])
+        state = State(self.chain, q, v)
+        saddle = self._saddle(state)
+        right = np.concatenate([tau - state.nle, -state.loop_bias[self.rows]])
         if self._weightless:
-            return np.linalg.lstsq(saddle, right, rcond=RANK * 1e-3)[0][: self.chain.nv]
+            return np.linalg.lstsq(saddle, right, rcond=NO_INERTIA)[0][: self.chain.nv]
         try:
             return np.linalg.solve(saddle, right)[: self.chain.nv]
         except np.linalg.LinAlgError:
             return np.full(self.chain.nv, np.nan)
 
-    def _saddle(self, q: Configuration) -> FloatArray:
-        """Mass matrix and chosen loop rows, where `loops` has been placed: [[M, -Jᵀ], [J, 0]]."""
+    def _saddle(self, state: State) -> FloatArray:
+        """Mass matrix and chosen loop rows: [[M, -Jᵀ], [J, 0]]."""
         nv, rows = self.chain.nv, self.rows
         saddle = np.zeros((nv + rows.size, nv + rows.size))
-        upper = np.triu(pin.crba(self.model, self._data, q))
-        saddle[:nv, :nv] = upper + np.triu(upper, 1).T
-        jacobian = self.loops.jacobian()[rows]
+        saddle[:nv, :nv] = state.M
+        jacobian = state.J_c[rows]
         saddle[nv:, :nv], saddle[:nv, nv:] = jacobian, -jacobian.T
         return saddle
 
@@ -250,44 +235,44 @@ class Plant:
             if self._projector.status is StateStatus.OK:
                 return np.array(closed_q), np.array(closed_v), float(gap[0])
             # Farther from closed, singular, or the step was too long: the careful way knows.
-        gap = self.loops.place(q)
-        if not gap.size:
+        state = State(self.chain, q)
+        if not self.rows.size:
             return q, v, 0.0
-        spread = self._spread()
-        v = v - spread(self.loops.jacobian()[self.rows] @ v)
-        worst = float((np.abs(gap) / self._sizes).max())
+        spread = self._spread(state)
+        v = v - spread(state.J_c[self.rows] @ v)
+        worst = state.largest_gap
         for count in range(_MAX_STEPS):
-            if (np.abs(gap) <= self._tolerance).all():
+            if worst <= max(CLOSED, state.round_off):
                 if count > 1:  # the loops stand elsewhere than where v was projected
-                    v = v - self._spread()(self.loops.jacobian()[self.rows] @ v)
-                return q, v, float(np.abs(gap).max())
-            q = pin.integrate(self.model, q, -spread(gap[self.rows]))
-            gap, before = self.loops.place(q), worst
-            worst = float((np.abs(gap) / self._sizes).max())
+                    v = v - self._spread(state)(state.J_c[self.rows] @ v)
+                return np.array(state.q), v, float(np.abs(state.gap).max())
+            step = -spread(state.gap[self.rows])
+            state = State(self.chain, pin.integrate(self.model, state.q, step))
+            before, worst = worst, state.largest_gap
             # A factorisation from before the step does as long as it wins a factor of ten.
             if count and not worst < before / 10:
-                spread = self._spread()
-        row = int(np.argmax(np.abs(gap) / self._sizes)) if np.isfinite(gap).all() else 0
+                spread = self._spread(state)
+        row = int(np.argmax(state.relative_gap)) if np.isfinite(state.gap).all() else 0
         raise ClosureError(
-            f"{self.chain.loop_table.names[row]} does not close: {abs(gap[row]):.3g} left",
-            residual=float(np.abs(gap).max()),
+            f"{self.chain.loop_table.names[row]} does not close: {abs(state.gap[row]):.3g} left",
+            residual=float(np.abs(state.gap).max()),
             iterations=_MAX_STEPS,
-            q=q,
+            q=state.q,
         )
 
-    def _spread(self) -> Callable[[FloatArray], Tangent]:
-        """Least-norm tangent of a loop residual, lengths in robot sizes, factorised where `loops` stands."""
-        scaled = self.loops.jacobian()[self.rows] * self._scale
+    def _spread(self, state: State) -> Callable[[FloatArray], Tangent]:
+        """Least-norm tangent of a loop residual in natural units, factorised at a state."""
+        scaled = state.rows[self.rows]
         factor, failed = _factorise(scaled @ scaled.T, lower=1)
         if failed:
             raise ClosureError(
                 "the loops are singular here: their equations depend on each other",
                 residual=np.inf,
                 iterations=0,
-                q=self.chain.q_home,
+                q=state.q,
             )
-        back = self._scale[:, None] * scaled.T
-        return lambda residual: back @ _solve(factor, residual, lower=1)[0]
+        back, sizes = self._scale[:, None] * scaled.T, self._sizes[self.rows]
+        return lambda residual: back @ _solve(factor, residual / sizes, lower=1)[0]
 
     def energy(self, q: Configuration, v: Tangent) -> float:
         """Compute kinetic and potential energy, motor inertia included.
@@ -304,10 +289,20 @@ class Plant:
         float
             [J].
         """
-        kinetic = pin.computeKineticEnergy(self.chain.model, self.loops.data, q, v)
-        potential = pin.computePotentialEnergy(self.chain.model, self.loops.data, q)
-        return float(kinetic + potential + 0.5 * (self.model.armature * v) @ v)
+        model, unit = self.chain.mass_model, self.chain.mass_unit
+        kinetic = pin.computeKineticEnergy(model, self._data, q, v)
+        potential = pin.computePotentialEnergy(model, self._data, q)
+        return float(unit * (kinetic + potential))  # rotors included
 
 
-def _with_armature(chain: ClosedChain, model: pin.Model) -> ClosedChain:
-    return ClosedChain(chain.mechanism, model, chain.motors, chain.platform, chain.q_home)
+def _with_motor_inertia(chain: ClosedChain, inertia: FloatArray) -> ClosedChain:
+    """Add inertia to the motors' own coordinates, where Pinocchio keeps that of rotors."""
+    if not inertia.any():
+        return chain
+    model = chain.model.copy()
+    armature = np.array(model.armature)
+    armature[chain.motor_index] += inertia
+    model.armature = armature
+    moved = replace(chain, model=model)
+    moved.__dict__["generic"] = chain.generic  # ranks know nothing of masses
+    return moved

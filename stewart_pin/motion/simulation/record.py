@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import ConvergenceError
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.motion.simulation.events import Event
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 

@@ -9,10 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stewart_pin.checks import as_array, as_positive
-from stewart_pin.closure.equations import flipped_loop, row_sizes
 from stewart_pin.errors import ClosureError, ConvergenceError, InputError
 from stewart_pin.kernels.choosing import simulation_kernels
-from stewart_pin.model.chain import ClosedChain, as_configuration
 from stewart_pin.motion.simulation.charts import ChartStepper
 from stewart_pin.motion.simulation.drive import (
     Controller,
@@ -26,10 +24,10 @@ from stewart_pin.motion.simulation.motors import MotorBank, Motors
 from stewart_pin.motion.simulation.plant import Plant
 from stewart_pin.motion.simulation.record import Recorder, Simulation, SimulationState
 from stewart_pin.motion.simulation.steppers import Phase, RungeKuttaStepper
+from stewart_pin.state.chain import ClosedChain, as_configuration
+from stewart_pin.state.state import State
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
-_CLOSED = 1e-6
-"""Part of robot size (per s) by which an initial state may be off: the first step removes it."""
 _FEW_RECORDS = 10_000
 """Instants recorded when no rate is asked for."""
 _MOST_RECORDS = 2_000_000
@@ -249,7 +247,6 @@ def _run(
         t = state.origin + k * dt
         found = watcher.limits(t, phase.q, phase.v, drive.effort(t, phase.q, phase.v, phase.x[2:]))
         if k % watch == 0:
-            plant.loops.place(phase.q)
             plant.watch(phase.q, phase.v)
             found += watcher.singularity(t, phase.q)
         return found
@@ -321,17 +318,7 @@ def _run(
 
 def _closed(plant: Plant, q: Configuration, v: Tangent) -> tuple[Configuration, Tangent, float]:
     """Remove what a printed or computed state lacks of closed loops."""
-    chain = plant.chain
-    gap = plant.loops.place(q)
-    sizes = row_sizes(chain)
-    if (np.abs(gap) > _CLOSED * sizes).any():
-        raise InputError(f"q does not close the loops: {np.abs(gap).max():.3g} is left; see close_loops")
-    flipped = flipped_loop(chain, plant.loops.data)
-    if flipped is not None:
-        raise InputError(f"q holds loop '{flipped}' with its axes against each other; see close_loops")
-    left = np.abs(plant.loops.jacobian() @ v)
-    if (left > _CLOSED * sizes * max(1.0, float(np.abs(v / chain.tangent_scale).max(initial=0.0)))).any():
-        raise InputError(f"v does not keep the loops closed: {left.max():.3g} is left; see platform_motion")
+    State(plant.chain, q, v).require_moving()
     return plant.project(q, v)
 
 

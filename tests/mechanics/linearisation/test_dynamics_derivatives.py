@@ -10,7 +10,6 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import InputError
-from stewart_pin.mechanics.freedom import analyse_freedom
 from stewart_pin.model.description import LOOP_KINDS
 from tests.closed_states import close, random_configuration, random_motion, robot
 from tests.mechanisms import five_bar, four_bar, gear_train, rotary_hexapod, two_bodies
@@ -69,7 +68,7 @@ DIFFERENCES = 1e-6
 def test_along_closed_states(chain: stp.ClosedChain, rng: np.random.Generator) -> None:
     q = random_configuration(chain, rng, 0.1)
     v, a = random_motion(chain, rng, q)
-    motions = analyse_freedom(chain, q).motions
+    motions = chain.at(q).freedom.motions
     direction = tuple((motions @ rng.normal(size=(motions.shape[1], 3))).T)
     curve = closed_curve(chain, (q, v, a), direction)
     dq, dv, da = change(chain, curve)
@@ -97,7 +96,7 @@ def test_inverse_and_forward_derivatives_undo_each_other(rng: np.random.Generato
     chain = robot("stewart")
     q = random_configuration(chain, rng, 0.1)
     v, a = random_motion(chain, rng, q)
-    motions = analyse_freedom(chain, q).motions
+    motions = chain.at(q).freedom.motions
     inverse = stp.inverse_dynamics_derivatives(chain, q, v, a)
     tau = stp.inverse_dynamics(chain, q, v, a).tau_motor
     forward = stp.forward_dynamics_derivatives(chain, q, v, tau)
@@ -148,7 +147,7 @@ def test_against_pinocchio_s_constrained_derivatives(rng: np.random.Generator) -
     pin.constraintDynamics(chain.model, data, q, v, tau, models, datas, settings)
     pin.computeConstraintDynamicsDerivatives(chain.model, data, models, datas, settings)
     found = stp.forward_dynamics_derivatives(chain, q, v, tau_motor)
-    motions = analyse_freedom(chain, q).motions
+    motions = chain.at(q).freedom.motions
     close(found.a_v @ motions, data.ddq_dv @ motions, 1e-9)
     close(found.a_tau, data.ddq_dtau[:, chain.motor_index], 1e-9)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import FloatArray
 
 _TYPES = {JointKind.SPHERICAL: pin.ContactType.CONTACT_3D, JointKind.FIXED: pin.ContactType.CONTACT_6D}

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.closure.relative_motion import relative_motion
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.loop_table import LoopTable
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.relative_motion import relative_motion
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 

@@ -11,13 +11,23 @@ import pinocchio as pin
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.rotations import as_rotation
-from stewart_pin.model.description import Coupling, Loop, Mechanism, Report
+from stewart_pin.model.description import Coupling, Loop, Mechanism, Note, Report
 from stewart_pin.model.leg_points import leg_points
-from stewart_pin.model.loop_table import LoopTable, build_loop_table
+from stewart_pin.model.loop_table import LoopTable, build_loop_table, support
 from stewart_pin.model.motors import mark_motors
-from stewart_pin.model.tree import link_frame
+from stewart_pin.model.sizes import length_scale
+from stewart_pin.model.tree import link_frame, mass_unit, with_masses_in
+from stewart_pin.state.generic import Generic, find_generic
+from stewart_pin.state.scratch import ScratchPool
+from stewart_pin.state.state import State
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
+_WHEREVER_HOME_IS = (
+    ("loop_table", "motor_index", "motor_q_index", "platform_id", "tangent_names", "length_scale")
+    + ("tangent_scale", "angle_mask", "row_sizes", "twist_sizes", "rest", "motor_rows", "platform_joint")
+    + ("platform_support", "mass_unit", "mass_model", "scratches")
+)
+"""What a chain finds out about itself that is the same for every home."""
 _UNIT_QUATERNION = 1e-6
 """Deviation from unit length that printed or integrated quaternions may show."""
 
@@ -131,25 +141,141 @@ class ClosedChain:
 
     @cached_property
     def length_scale(self) -> float:
-        """Size of the robot: the farthest joint, loop or leg end from its link's origin [m]."""
-        placements = [joint.placement for joint in self.mechanism.joints]
-        for loop in self.loops:
-            placements += [loop.placement1, loop.placement2]
-        lengths = [float(np.linalg.norm(placement.translation)) for placement in placements]
-        size = max([*lengths, *(loop.length for loop in self.loops)], default=0.0)
-        return size if size > 0 else 1.0
+        """Size of the robot: how far joints lie apart on one body, wherever the robot stands [m]; see `model.sizes`."""
+        return length_scale(self.mechanism, self.platform)
 
     @cached_property
     def tangent_scale(self) -> FloatArray:
         """(nv,) natural size of each tangent entry: `length_scale` for lengths [m], 1 for angles [rad]."""
-        scale = np.ones(self.nv)
+        return np.where(self.angle_mask, 1.0, self.length_scale)
+
+    @cached_property
+    def angle_mask(self) -> np.ndarray:
+        """(nv,) mask of the tangent entries that are angles, dimensionless."""
+        lengths = np.zeros(self.nv, dtype=bool)
         for joint in self.model.joints[1:]:
-            short = joint.shortname()
-            if "JointModelP" in short and joint.nv == 1:
-                scale[joint.idx_v] = self.length_scale
+            if "JointModelP" in joint.shortname() and joint.nv == 1:
+                lengths[joint.idx_v] = True
             elif joint.nv == 6:
-                scale[joint.idx_v : joint.idx_v + 3] = self.length_scale
-        return scale
+                lengths[joint.idx_v : joint.idx_v + 3] = True
+        return ~lengths
+
+    @cached_property
+    def row_sizes(self) -> FloatArray:
+        """(nc,) natural size of each loop row: `length_scale` for lengths [m], 1 for angles and their sines."""
+        sizes = np.full(self.nc, self.length_scale)
+        sizes[self.loop_table.angle.index] = 1.0
+        coupling = self.loop_table.coupling
+        sizes[coupling.index] = self.tangent_scale[coupling.v1]
+        return sizes
+
+    @cached_property
+    def twist_sizes(self) -> FloatArray:
+        """(6,) natural size of each component of a twist: `length_scale` for velocities [m], 1 for angular ones."""
+        return np.repeat([self.length_scale, 1.0], 3)
+
+    @cached_property
+    def rest(self) -> FloatArray:
+        """(nv,) zeros, read-only [m/s, rad/s]."""
+        rest = np.zeros(self.nv)
+        rest.setflags(write=False)
+        return rest
+
+    @cached_property
+    def motor_rows(self) -> FloatArray:
+        """(nu, nv) S, which picks the motor rates out of a tangent velocity, dimensionless."""
+        return np.eye(self.nv)[self.motor_index]
+
+    @cached_property
+    def platform_joint(self) -> tuple[int, pin.SE3]:
+        """Pinocchio joint that carries the platform frame, and the frame in it."""
+        frame = self.model.frames[self.platform_id]
+        return frame.parentJoint, pin.SE3(frame.placement)
+
+    @cached_property
+    def platform_support(self) -> FloatArray:
+        """(nv,) 1 where a tangent entry moves the platform, else 0, dimensionless."""
+        return support(self.model, self.platform_joint[0])
+
+    @cached_property
+    def mass_unit(self) -> float:
+        """Power of two by which masses are counted inside: Pinocchio loses sums of masses below 2e-16 [kg]."""
+        return mass_unit(inertia.mass for inertia in self.model.inertias)
+
+    @cached_property
+    def mass_model(self) -> pin.Model:
+        """Pinocchio model with masses in units of `mass_unit`: `model` itself but for micro-robots."""
+        return self.model if self.mass_unit == 1.0 else with_masses_in(self.model, self.mass_unit)
+
+    @cached_property
+    def scratches(self) -> ScratchPool:
+        """Memory for the states of this chain."""
+        return ScratchPool(self.model)
+
+    @cached_property
+    def generic(self) -> Generic:
+        """Ranks and freedoms that belong to the mechanism, found once at closed configurations near home."""
+        return find_generic(self)
+
+    def with_home(self, q: Configuration, *notes: Note) -> ClosedChain:
+        """Set the home configuration of a chain that is being built.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration with closed loops [m, rad, unit quaternions].
+        *notes
+            What to add to the report.
+
+        Returns
+        -------
+        ClosedChain
+            The same chain, with what does not depend on home.
+        """
+        mechanism = self.mechanism
+        if notes:
+            mechanism = replace(mechanism, notes=(*mechanism.notes, *notes))
+        moved = replace(self, q_home=q, mechanism=mechanism)
+        kept = {name: value for name, value in self.__dict__.items() if name in _WHEREVER_HOME_IS}
+        moved.__dict__.update(kept)
+        return moved
+
+    def at(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> State:
+        """Make a state of this chain, of which every quantity is computed once, when it is first asked for.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity; default: rest [m/s, rad/s].
+        a
+            (nv,) tangent acceleration; default: zero at rest, otherwise none [m/s², rad/s²].
+
+        Returns
+        -------
+        State
+            For every verb of one state.
+
+        Raises
+        ------
+        InputError
+            If a shape is wrong, an entry is not finite, or a quaternion is not of unit length.
+
+        Examples
+        --------
+        >>> import stewart_pin as stp
+        >>> chain = stp.load("stewart")
+        >>> state = chain.at(chain.q_home)
+        >>> stp.inverse_dynamics(state).tau_motor.round(2)
+        array([49.99, 49.99, 49.99, 49.99, 49.99, 49.99])
+        """
+        return State(
+            self,
+            as_configuration(self, "q", q),
+            None if v is None else as_array("v", v, (self.nv,)),
+            None if a is None else as_array("a", a, (self.nv,)),
+        )
 
     def described(self) -> Mechanism:
         """Return the description with this chain's own motors, platform, home and gravity written into it.

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.closure.equations import fill_couplings
-from stewart_pin.closure.relative_motion import LoopEnds, cross, turn
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.relative_motion import LoopEnds, cross, turn
 from stewart_pin.typing import Configuration, FloatArray
 
 
@@ -121,13 +120,18 @@ def loop_wrench(
 def _coupling_efforts(
     chain: ClosedChain, q: Configuration, lambda_c: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    rows = chain.loop_table.coupling
-    jacobian, derivative = np.zeros((chain.nc, chain.nv)), np.zeros((chain.nv, chain.nv))
-    fill_couplings(chain.loop_table, q, jacobian)
-    for row, v2, curve in zip(rows.index, rows.v2, rows.evaluate(q, 2), strict=True):
-        if v2 >= 0:
-            derivative[v2, v2] -= lambda_c[row] * curve
-    return jacobian.T @ lambda_c, derivative
+    """Joint efforts of the couplings, 1 and -p' times each reaction, and what of them changes with q2."""
+    rows, slope, curve = (
+        chain.loop_table.coupling,
+        *(chain.loop_table.coupling.evaluate(q, n) for n in (1, 2)),
+    )
+    efforts, derivative = np.zeros(chain.nv), np.zeros((chain.nv, chain.nv))
+    for k, row in enumerate(rows.index):
+        efforts[rows.v1[k]] += lambda_c[row]
+        if rows.v2[k] >= 0:
+            efforts[rows.v2[k]] -= slope[k] * lambda_c[row]
+            derivative[rows.v2[k], rows.v2[k]] -= curve[k] * lambda_c[row]
+    return efforts, derivative
 
 
 def _force_cross(columns: FloatArray, wrench: FloatArray) -> FloatArray:

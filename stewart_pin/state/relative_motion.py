@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.model.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import FloatArray
 
 _LOCAL = pin.ReferenceFrame.LOCAL

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
+from stewart_pin.state.chain import ClosedChain
 
 _UNATTACHED = (JointKind.FIXED, JointKind.FLOATING)
 """Kinds of joints without geometry of their own: parts of a body, and joints that hold nothing."""

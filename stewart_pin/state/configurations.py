@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.model.chain import ClosedChain
 from stewart_pin.model.description import JointKind
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration
+
+_AT_LIMIT = 1e-9
+"""Excess over a joint limit that is round-off [rad]."""
 
 
 def limit_violations(
-    chain: ClosedChain, q: Configuration, slack: float
+    chain: ClosedChain, q: Configuration, slack: float, entries: np.ndarray | None = None
 ) -> dict[str, tuple[float, float, float]]:
     """List the one-freedom joints that are beyond their limits.
 
@@ -23,6 +26,8 @@ def limit_violations(
         (nq,) configuration [m, rad, unit quaternions].
     slack
         Excess that is let pass, in robot sizes or radians [dimensionless].
+    entries
+        Indices of the tangent entries to look at; default: all.
 
     Returns
     -------
@@ -33,6 +38,8 @@ def limit_violations(
     for joint in chain.mechanism.joints:
         if joint.has_axis:
             entry = chain.model.joints[chain.model.getJointId(joint.name)]
+            if entries is not None and entry.idx_v not in entries:
+                continue
             value, excess = float(q[entry.idx_q]), slack * chain.tangent_scale[entry.idx_v]
             if not joint.lower - excess <= value <= joint.upper + excess:
                 violations[joint.name] = (value, joint.lower, joint.upper)
@@ -85,7 +92,7 @@ def random_configuration(chain: ClosedChain, rng: np.random.Generator) -> Config
 
 
 def unwound(chain: ClosedChain, q: Configuration) -> Configuration:
-    """Take whole turns out of revolute joints: nearest to zero, or to the middle of the range.
+    """Take whole turns out of revolute joints: as many as bring them within half a turn of zero or into their range.
 
     Parameters
     ----------
@@ -97,12 +104,18 @@ def unwound(chain: ClosedChain, q: Configuration) -> Configuration:
     Returns
     -------
     numpy.ndarray
-        (nq,) configuration [m, rad, unit quaternions].
+        (nq,) configuration [m, rad, unit quaternions]; joints inside their limits and within half a turn of zero stay
+        where they are.
     """
-    q = q.copy()
+    q = np.array(q)
     for joint in chain.mechanism.joints:
         if joint.kind is JointKind.REVOLUTE:
             at = chain.model.joints[chain.model.getJointId(joint.name)].idx_q
-            middle = (joint.lower + joint.upper) / 2 if np.isfinite([joint.lower, joint.upper]).all() else 0.0
-            q[at] -= 2 * np.pi * np.round((q[at] - middle) / (2 * np.pi))
+            turns = np.round(q[at] / (2 * np.pi)) if abs(q[at]) > np.pi else 0.0
+            value = q[at] - 2 * np.pi * turns
+            if value < joint.lower - _AT_LIMIT:
+                value += 2 * np.pi * np.ceil((joint.lower - _AT_LIMIT - value) / (2 * np.pi))
+            elif value > joint.upper + _AT_LIMIT:
+                value -= 2 * np.pi * np.ceil((value - joint.upper - _AT_LIMIT) / (2 * np.pi))
+            q[at] = value
     return q

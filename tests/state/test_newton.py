@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.closure.newton import TOLERANCE
 from stewart_pin.errors import ClosureError, InputError, StewartPinError
 from stewart_pin.model.description import JointKind
+from stewart_pin.tolerances import CLOSED as TOLERANCE
 from tests.closed_states import random_configuration, robot
 from tests.mechanisms import five_bar, four_bar
 

@@ -1,0 +1,177 @@
+r"""Forward dynamics: how a chain accelerates under given motor efforts.
+
+The acceleration that keeps the loops closed is a particular one plus motions N of the loops, and Nᵀ times the equation
+of motion determines how much of each:
+
+.. math:: J_c a + \dot J_c v = 0, \qquad N^\top (M a + h - S^\top \tau) = 0 .
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.checks import as_array
+from stewart_pin.errors import ConvergenceError, InputError, SingularityError, UnsupportedError
+from stewart_pin.mechanics.effort import Motion
+from stewart_pin.mechanics.inverse_dynamics import least_reactions
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.pinocchio_constraints import constraint_models, reactions_from_pinocchio
+from stewart_pin.state.state import Drive, State, as_state, named_motion
+from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
+from stewart_pin.typing import ArrayLike, FloatArray, Tangent
+
+Method = Literal["projection", "constraint_dynamics"]
+
+
+def forward_dynamics(
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    tau_motor: ArrayLike | None = None,
+    *,
+    method: Method = "projection",
+) -> Motion:
+    """Compute the acceleration under given motor efforts.
+
+    Parameters
+    ----------
+    chain
+        Closed chain, or a state of it.
+    q
+        (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity that keeps them closed, with a chain [m/s, rad/s].
+    tau_motor
+        (nu,) motor efforts in the order of ``chain.motors``; with a state, by name [N or N m].
+    method
+        ``"projection"``: the equation of motion projected on the motions that keep the loops closed; for every chain,
+        also with redundant loops or massless legs. ``"constraint_dynamics"``: `pinocchio.constraintDynamics`, for
+        spherical and fixed loops that are not redundant, on bodies with mass.
+
+    Returns
+    -------
+    Motion
+        Acceleration and loop reactions (of least norm where loops are redundant).
+
+    Raises
+    ------
+    InputError
+        If the state does not keep the loops closed, or the method is unknown.
+    UnsupportedError
+        If ``constraint_dynamics`` cannot treat the chain.
+    SingularityError
+        If the loops have lost a row here, or a motion that motors or platform take part in has no inertia, so that no
+        acceleration is determined.
+
+    Examples
+    --------
+    >>> import stewart_pin as stp
+    >>> chain = stp.load("stewart")
+    >>> state = chain.at(chain.q_home)
+    >>> effort = stp.inverse_dynamics(state)
+    >>> bool(abs(stp.forward_dynamics(state, tau_motor=effort.tau_motor).a).max() < 1e-9)
+    True
+    """
+    state = as_state(chain, q, v).require_moving()
+    chain = state.chain
+    if tau_motor is None:
+        raise InputError("tau_motor is missing; pass the motor efforts, in the order of chain.motors")
+    tau = np.zeros(chain.nv)
+    tau[chain.motor_index] = as_array("tau_motor", tau_motor, (chain.nu,))
+    if method == "constraint_dynamics":
+        return _constraint_dynamics(state, tau)
+    if method != "projection":
+        raise InputError(f"method must be 'projection' or 'constraint_dynamics', got {method!r}")
+    scale = chain.tangent_scale
+    inertia, push = scale[:, None] * state.M * scale, scale * (tau - state.nle)
+    if state.drive is not None:
+        found = _by_drive(state, state.drive, inertia, push)
+        if found is not None:
+            return found
+    return _by_motions(state, inertia, push)
+
+
+def _by_drive(state: State, drive: Drive, inertia: FloatArray, push: FloatArray) -> Motion | None:
+    """Move along the motors: M_x ẍ = Gᵀ(push - M a_0); natural units."""
+    chain, nc = state.chain, state.chain.nc
+    right = np.zeros((chain.nv, 1 + chain.nu))
+    right[:nc, 0] = -state.loop_bias / chain.row_sizes
+    right[nc:, 1:] = np.eye(chain.nu)
+    solved = drive.solve(right)
+    start, G = solved[:, 0], solved[:, 1:]
+    moments, axes = np.linalg.eigh(G.T @ inertia @ G)
+    if moments.size and not moments[0] > NO_INERTIA * moments[-1]:
+        return None
+    a = start + G @ (axes @ ((axes.T @ (G.T @ (push - inertia @ start))) / moments))
+    lambda_c = drive.solve_transposed(inertia @ a - push)[:nc] / chain.row_sizes
+    return Motion(a=a * chain.tangent_scale, lambda_c=lambda_c)
+
+
+def _by_motions(state: State, inertia: FloatArray, push: FloatArray) -> Motion:
+    """Move along an orthonormal basis of the motions; natural units."""
+    chain, motions = state.chain, state.motions
+    start = -motions.across(state.loop_bias / chain.row_sizes)
+    a = start + _free_acceleration(state, inertia, push - inertia @ start)
+    lambda_c = least_reactions(state, (inertia @ a - push) / chain.tangent_scale)
+    return Motion(a=a * chain.tangent_scale, lambda_c=lambda_c)
+
+
+def _free_acceleration(state: State, inertia: FloatArray, push: FloatArray) -> Tangent:
+    """Acceleration along the motions that keep the loops closed; idle freedoms without inertia do not accelerate."""
+    chain, free = state.chain, state.motions.basis
+    moments, axes = np.linalg.eigh(free.T @ inertia @ free)
+    heavy = moments > NO_INERTIA * moments.max(initial=0.0)
+    if not heavy.all():
+        _require_idle(state, free @ axes[:, ~heavy], moments)
+    kept = axes[:, heavy]
+    return free @ (kept @ ((kept.T @ (free.T @ push)) / moments[heavy])) if chain.nv else push
+
+
+def _require_idle(state: State, weightless: FloatArray, moments: FloatArray) -> None:
+    """Of the weightless motions, all must be idle: each of them then is one of the idle freedoms."""
+    chain = state.chain
+    idle = state.freedom.idle / chain.tangent_scale[:, None]
+    active = weightless - idle @ (idle.T @ weightless)
+    # A weightless motion is determined by round-off to about the root of NO_INERTIA.
+    if np.abs(active).max(initial=0.0) > 1e-3:
+        direction = weightless[:, np.argmax(np.linalg.norm(active, axis=0))] * chain.tangent_scale
+        raise SingularityError(
+            f"nothing with inertia takes part in the motion {named_motion(chain, direction)}, so its acceleration is "
+            "undetermined; give the bodies mass",
+            smallest_singular_value=float(moments[0]),
+            direction=direction,
+            names=chain.tangent_names,
+        )
+
+
+def _constraint_dynamics(state: State, tau: FloatArray) -> Motion:
+    chain = state.chain
+    models = constraint_models(chain)
+    if chain.generic.rank < chain.nc:
+        raise UnsupportedError(
+            "pinocchio.constraintDynamics cannot treat redundant loops (see mobility); use method='projection'"
+        )
+    # Fresh datas for every call: other algorithms leave desired accelerations behind in theirs.
+    datas = pin.StdVec_RigidConstraintData()
+    for model in models:
+        datas.append(model.createData())
+    model, unit = chain.mass_model, chain.mass_unit
+    data = pin.Data(model)
+    pin.initConstraintDynamics(model, data, models, datas)
+    settings = pin.ProximalSettings(1e-14, 0.0, 1)
+    q, v = np.array(state.q), np.array(state.v)
+    a = np.array(pin.constraintDynamics(model, data, q, v, tau / unit, models, datas, settings))
+    if not np.isfinite(a).all():
+        raise UnsupportedError(
+            "pinocchio.constraintDynamics gives no finite answer: bodies lack mass; use method='projection'"
+        )
+    left = float(np.abs(state.J_c @ a + state.loop_bias).max(initial=0.0))
+    if left > CONSISTENT * max(1.0, float(np.abs(a).max(initial=0.0))):
+        raise ConvergenceError(
+            f"pinocchio.constraintDynamics leaves {left:.3g} of the loop acceleration; use method='projection'",
+            residual=left,
+        )
+    return Motion(a=a, lambda_c=unit * reactions_from_pinocchio(chain, np.array(data.lambda_c)))

@@ -1,0 +1,201 @@
+"""What belongs to a mechanism: the ranks that loops, motors and platform have where it is nothing special.
+
+They are found once per chain, at home and at closed configurations near it, each closed to the last bit. There the
+singular values that belong to the mechanism and those of round-off are many orders of magnitude apart, and the widest
+gap tells them apart; a threshold would have to know the mechanism.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.state.freedom import TWIST_AXES, FreedomCount, Motions, counted, split_motions
+from stewart_pin.tolerances import NOTHING
+from stewart_pin.typing import Configuration, FloatArray
+
+if TYPE_CHECKING:
+    from stewart_pin.state.chain import ClosedChain
+    from stewart_pin.state.state import State
+
+_SAMPLES = 5
+"""Random configurations near home."""
+_TRIALS = 25
+"""Displacements of home that are tried for them."""
+_SPREAD = 0.1
+"""How far from home they are drawn at first, in robot sizes and radians."""
+_ROUND_OFF = 1e-13
+"""Singular values below this are counted as this: what closing to the last bit leaves."""
+
+
+@dataclass(frozen=True, eq=False)
+class Generic:
+    """The usual ranks and freedoms of a mechanism.
+
+    Attributes
+    ----------
+    rank
+        Number of independent loop rows.
+    count
+        Numbers of motions: of the loops, of the motors, of the platform.
+    usual_loops, usual_motors, usual_platform, usual_passive
+        Median over the samples of the smallest singular value that belongs to the loops, to the motors' share of the
+        motions that are not idle, to the platform's share of all, and to both shares together; at most 1. Infinite
+        where there is none, dimensionless.
+    motors_determine
+        Whether loop rows and motors are as many as the tangent has entries, and determine it.
+    samples
+        Closed configurations near home; home itself only where nothing else closed [m, rad, unit quaternions].
+    """
+
+    rank: int
+    count: FreedomCount
+    usual_loops: float
+    usual_motors: float
+    usual_platform: float
+    usual_passive: float
+    motors_determine: bool
+    samples: tuple[Configuration, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Shares:
+    """At one configuration: motions of the loops, and the shares of motors and platform in them, natural units."""
+
+    motions: Motions
+    motors: FloatArray
+    platform: FloatArray
+
+
+def find_generic(chain: ClosedChain) -> Generic:
+    """Find the usual ranks of a mechanism.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    Generic
+        Ranks, sizes and samples.
+    """
+    samples = _samples(chain)
+    states = [chain.at(q) for q in samples]
+    rank = max(_rank_by_gap(_singular_values(state.rows)) for state in states)
+    shares = [_shares(state, rank) for state in states]
+    count = _count(chain, shares, TWIST_AXES)
+    active = [_active(share, count) for share in shares]
+    return Generic(
+        rank=rank,
+        count=count,
+        usual_loops=_usual([share.motions.values for share in shares], rank),
+        usual_motors=_usual(
+            [_singular_values(s.motors @ a) for s, a in zip(shares, active, strict=True)], count.motor
+        ),
+        usual_platform=_usual([_singular_values(s.platform) for s in shares], count.platform),
+        usual_passive=_usual(
+            [_singular_values(np.vstack([s.motors, s.platform])) for s in shares], count.either
+        ),
+        motors_determine=rank == chain.nc and count.either == count.dof == count.motor == chain.nu,
+        samples=samples,
+    )
+
+
+def generic_freedom(chain: ClosedChain, axes: Sequence[str] = TWIST_AXES) -> FreedomCount:
+    """Count the motions that a mechanism has at configurations that are nothing special.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    axes
+        Components of the twist that count as motion of the platform.
+
+    Returns
+    -------
+    FreedomCount
+        Motions of the loops, and how many of them motors and platform take part in.
+    """
+    usual = chain.generic
+    if tuple(axes) == usual.count.axes:
+        return usual.count
+    counted(axes)
+    return _count(chain, [_shares(chain.at(q), usual.rank) for q in usual.samples], axes)
+
+
+def _samples(chain: ClosedChain) -> tuple[Configuration, ...]:
+    """Close displacements of home, to the last bit; smaller ones where the larger do not close."""
+    from stewart_pin.state.newton import polish  # noqa: PLC0415 - which needs ranks where it is asked for them
+
+    rng = np.random.default_rng(0)
+    found: list[Configuration] = []
+    spread = _SPREAD
+    for _ in range(_TRIALS):
+        if len(found) == _SAMPLES:
+            break
+        step = rng.uniform(-spread, spread, chain.nv) * chain.tangent_scale
+        closure = polish(chain, pin.integrate(chain.model, chain.q_home, step))
+        if closure.success:
+            found.append(closure.q)
+        else:
+            spread *= 0.7
+    return tuple(found) or (chain.q_home,)
+
+
+def _shares(state: State, rank: int) -> _Shares:
+    chain = state.chain
+    motions = split_motions(state.rows, rank)
+    if chain.platform is None:
+        twist = motions.basis[:0]
+    else:
+        twist = (state.P / chain.twist_sizes[:, None]) @ (chain.tangent_scale[:, None] * motions.basis)
+    return _Shares(motions, motions.basis[chain.motor_index], twist)
+
+
+def _count(chain: ClosedChain, shares: Sequence[_Shares], axes: Sequence[str]) -> FreedomCount:
+    kept = counted(axes)[:, None]
+    dof = shares[0].motions.basis.shape[1]
+
+    def rank(matrices: list[FloatArray]) -> int:
+        return max(_rank_by_gap(_singular_values(matrix)) for matrix in matrices)
+
+    if chain.platform is None:  # then every motion is one of the mechanism, and none is idle
+        return FreedomCount(dof, rank([s.motors for s in shares]), dof, dof, tuple(axes))
+    return FreedomCount(
+        dof=dof,
+        motor=rank([s.motors for s in shares]),
+        platform=rank([s.platform * kept for s in shares]),
+        either=rank([np.vstack([s.motors, s.platform * kept]) for s in shares]),
+        axes=tuple(axes),
+    )
+
+
+def _active(share: _Shares, count: FreedomCount) -> FloatArray:
+    """Motions that are not idle, in coordinates of N: (dof, either)."""
+    if not count.idle:
+        return np.eye(count.dof)
+    return np.linalg.svd(np.vstack([share.motors, share.platform]))[2][: count.either].T
+
+
+def _singular_values(matrix: FloatArray) -> FloatArray:
+    return np.linalg.svd(matrix, compute_uv=False) if matrix.size else np.zeros(0)
+
+
+def _rank_by_gap(values: FloatArray) -> int:
+    """Count the singular values above the widest gap; none where all are round-off."""
+    values = np.maximum(values, _ROUND_OFF)
+    if not values.size or values[0] <= NOTHING:
+        return 0
+    ratios = values / np.append(values[1:], _ROUND_OFF)
+    return int(np.argmax(np.where(values > NOTHING, ratios, 0.0))) + 1
+
+
+def _usual(values: Sequence[FloatArray], rank: int) -> float:
+    if rank == 0:
+        return np.inf
+    return min(1.0, float(np.median([v[rank - 1] for v in values])))

@@ -1,0 +1,374 @@
+"""Newton's method on the configuration manifold: damped, its step clamped, its solution the nearest one.
+
+Each step is the least-norm solution of the linearised system in natural units, with as many directions as the
+mechanism has (`Generic`). Redundant rows and idle freedoms therefore need no special case: the first add nothing, the
+second do not move. Off the closed configurations the rows of an overconstrained linkage are independent, but what lies
+beyond its rank is of the size of the gap: dividing by it would carry the guess far away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.checks import as_positive
+from stewart_pin.errors import ClosureError, InputError
+from stewart_pin.state.chain import ClosedChain, as_configuration
+from stewart_pin.state.loop_rows import opposed_loops
+from stewart_pin.state.state import State
+from stewart_pin.tolerances import CLOSED
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
+
+MAX_ITERATIONS = 100
+_LARGEST_STEP = 0.3
+"""Largest entry of one step, in robot sizes and radians: well below the distance between assembly modes."""
+_NEARER = 20
+"""Rounds in which a closed configuration is moved along its motions towards the guess."""
+_NEAR_ENOUGH = 1e-3
+"""Step along the closed configurations, relative to the distance from the guess, at which that is the least."""
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """Equations to be solved for a configuration.
+
+    Attributes
+    ----------
+    evaluate
+        Residual (m,) and Jacobian (m, nv) at a state, in natural units.
+    sizes
+        (m,) natural size of each residual: the robot's size [m], or 1 [rad].
+    rank
+        Number of directions that the Jacobian has at a solution, or None where that is not known yet.
+    demand
+        What the equations ask for, in words.
+    """
+
+    evaluate: Callable[[State], tuple[FloatArray, FloatArray]]
+    sizes: FloatArray
+    rank: int | None
+    demand: str
+
+
+@dataclass(frozen=True, eq=False)
+class Closure:
+    """A closed configuration, or how near the solver came.
+
+    Attributes
+    ----------
+    state
+        The state reached, at rest.
+    gap
+        Largest residual of loops and demands [m, rad].
+    iterations
+        Newton steps taken.
+    success
+        Whether the gap is at round-off, every loop is assembled, and joint limits hold where they were asked for.
+    reason
+        What kept it from success, in words; empty for a success.
+    """
+
+    state: State
+    gap: float
+    iterations: int
+    success: bool
+    reason: str = ""
+
+    @property
+    def q(self) -> Configuration:
+        """(nq,) configuration reached [m, rad, unit quaternions]."""
+        return self.state.q
+
+    def or_raise(self, demand: str) -> Closure:
+        """Return the closure, or raise what kept it from success.
+
+        Parameters
+        ----------
+        demand
+            What was asked for, in words.
+
+        Returns
+        -------
+        Closure
+            This record.
+
+        Raises
+        ------
+        ClosureError
+            If it is no success; carries residual, iterations and configuration.
+        """
+        if self.success:
+            return self
+        raise ClosureError(
+            f"{demand} cannot be met from this guess: {self.reason} after {self.iterations} steps; "
+            "start nearer, or ask for a pose within reach",
+            residual=self.gap,
+            iterations=self.iterations,
+            q=self.q,
+        )
+
+
+def close_loops(
+    chain: ClosedChain,
+    q_guess: ArrayLike,
+    *,
+    tolerance: float = CLOSED,
+    max_iterations: int = MAX_ITERATIONS,
+    throw: bool = True,
+) -> Closure:
+    """Move a guess to the nearest configuration with closed loops.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q_guess
+        (nq,) configuration to start from [m, rad, unit quaternions].
+    tolerance
+        Largest gap that counts as closed, in robot sizes (``chain.length_scale``) and radians.
+    max_iterations
+        Number of steps after which to give up.
+    throw
+        Whether failure raises; otherwise it is returned with ``success=False``.
+
+    Returns
+    -------
+    Closure
+        Configuration and residual reached.
+
+    Raises
+    ------
+    ClosureError
+        If the loops do not close from here; carries the residual reached.
+    InputError
+        If an argument is wrong.
+
+    Notes
+    -----
+    The distance is that of the tangent in natural units, `ClosedChain.tangent_scale`. Where several configurations are
+    equally near, or the guess is far away, it is a local minimum of the distance that is found.
+
+    Examples
+    --------
+    >>> import numpy as np, stewart_pin as stp
+    >>> chain = stp.load("stewart")
+    >>> closure = stp.close_loops(chain, chain.q_home)
+    >>> closure.success, closure.gap < 1e-12
+    (True, True)
+    """
+    guess = State(chain, as_configuration(chain, "q_guess", q_guess))
+    system = loop_system(chain)
+    closure = solve(chain, guess.q, system, tolerance=tolerance, max_iterations=max_iterations)
+    if closure.success and closure.iterations:
+        closure = _nearest(guess, closure, system, tolerance, max_iterations)
+    return closure.or_raise(system.demand) if throw else closure
+
+
+def loop_system(chain: ClosedChain, *, ranked: bool = True) -> System:
+    """Return gap and Jacobian of the loops as a system for `solve`.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    ranked
+        Whether the rank of the mechanism is to be used; it cannot while it is being found.
+
+    Returns
+    -------
+    System
+        Residual (nc,) and Jacobian (nc, nv), dimensionless.
+    """
+    return System(
+        lambda state: (state.gap / chain.row_sizes, state.rows),
+        chain.row_sizes,
+        chain.generic.rank if ranked else None,
+        "closed loops",
+    )
+
+
+def polish(chain: ClosedChain, q_guess: Configuration) -> Closure:
+    """Close the loops to the last bit without knowing their rank.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q_guess
+        (nq,) configuration to start from [m, rad, unit quaternions].
+
+    Returns
+    -------
+    Closure
+        Configuration and residual reached.
+    """
+    return solve(chain, q_guess, loop_system(chain, ranked=False))
+
+
+def solve(
+    chain: ClosedChain,
+    q_guess: Configuration,
+    system: System,
+    *,
+    tolerance: float = CLOSED,
+    max_iterations: int = MAX_ITERATIONS,
+) -> Closure:
+    """Solve a system of equations on the configuration manifold (Levenberg-Marquardt, least-norm steps).
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q_guess
+        (nq,) configuration to start from [m, rad, unit quaternions].
+    system
+        Residual and Jacobian.
+    tolerance
+        Largest residual that counts as solved, in natural units.
+    max_iterations
+        Number of steps after which to give up.
+
+    Returns
+    -------
+    Closure
+        Configuration and residual reached, whether they succeed or not.
+
+    Raises
+    ------
+    InputError
+        If tolerance or number of iterations make no sense.
+
+    Notes
+    -----
+    Without a rank every step is damped by the size of the residual, which keeps the convergence quadratic where
+    solutions are not isolated and rows depend on each other at them [1]_.
+
+    References
+    ----------
+    .. [1] J. Fan, Y. Yuan, "On the quadratic convergence of the Levenberg-Marquardt method without nonsingularity
+       assumption", Computing 74, 2005, theorem 2.1.
+    """
+    tolerance = as_positive("tolerance", tolerance)
+    if max_iterations < 0:
+        raise InputError(f"max_iterations must be 0 or more, got {max_iterations}")
+    state = chain.at(pin.normalize(chain.model, np.array(q_guess, dtype=float)))
+    residual, jacobian = system.evaluate(state)
+    worst = _largest(residual)
+    damping, iterations = 0.0, 0
+    while worst > tolerance / 10 and iterations < max_iterations:
+        iterations += 1
+        own = float(np.linalg.norm(residual)) if system.rank is None else 0.0
+        step = _least_norm_step(residual, jacobian, max(damping, own), system.rank)
+        following = displaced(state, step)
+        trial = system.evaluate(following)
+        if np.linalg.norm(trial[0]) < np.linalg.norm(residual):
+            state, (residual, jacobian) = following, trial
+            worst = _largest(residual)
+            damping = damping / 10 if damping > 1e-8 else 0.0
+        elif damping > 1e3 or worst < max(tolerance, state.round_off):
+            break  # no step helps: a local minimum, or round-off
+        else:
+            damping = max(10 * damping, 10 * own, 1e-6)
+    return judged(state, residual, system, iterations, tolerance)
+
+
+def judged(
+    state: State, residual: FloatArray, system: System, iterations: int, tolerance: float = CLOSED
+) -> Closure:
+    """Say whether a residual is closed, and every loop assembled.
+
+    Parameters
+    ----------
+    state
+        State reached.
+    residual
+        (m,) of the system there, dimensionless.
+    system
+        What was solved.
+    iterations
+        Steps taken.
+    tolerance
+        Largest residual that counts as solved, dimensionless.
+
+    Returns
+    -------
+    Closure
+        The verdict.
+    """
+    gap = float(np.abs(residual * system.sizes).max(initial=0.0))
+    reason = ""
+    if not _largest(residual) <= max(tolerance, state.round_off):
+        reason = f"the residual is {gap:.3g} [m or rad]"
+    else:
+        opposed = opposed_loops(state.chain.loop_table, state.loops)
+        if opposed:
+            reason = (
+                f"loop '{state.chain.loops[opposed[0]].name}' closes only with its axes against each other"
+            )
+    return Closure(state, gap, iterations, success=not reason, reason=reason)
+
+
+def displaced(state: State, step: Tangent) -> State:
+    """Move a configuration along its tangent.
+
+    Parameters
+    ----------
+    state
+        Where to start.
+    step
+        (nv,) displacement in natural units, dimensionless.
+
+    Returns
+    -------
+    State
+        At rest.
+    """
+    chain = state.chain
+    return State(chain, pin.integrate(chain.model, state.q, step * chain.tangent_scale))
+
+
+def _nearest(
+    guess: State, closure: Closure, system: System, tolerance: float, max_iterations: int
+) -> Closure:
+    """Move along the closed configurations to the one that is nearest to the guess."""
+    chain, best = guess.chain, closure
+
+    def away(state: State) -> Tangent:
+        return pin.difference(chain.model, state.q, guess.q) / chain.tangent_scale
+
+    apart = away(best.state)
+    distance = float(np.linalg.norm(apart))
+    for _ in range(_NEARER):
+        basis = best.state.motions.basis
+        step = basis @ (basis.T @ apart)
+        if np.linalg.norm(step) <= _NEAR_ENOUGH * distance:
+            break
+        left = max_iterations - best.iterations
+        trial = solve(chain, displaced(best.state, step).q, system, tolerance=tolerance, max_iterations=left)
+        moved = away(trial.state)
+        if not trial.success or np.linalg.norm(moved) >= distance:
+            break
+        best = Closure(trial.state, trial.gap, best.iterations + trial.iterations, success=True)
+        apart, distance = moved, float(np.linalg.norm(moved))
+    return best
+
+
+def _least_norm_step(
+    residual: FloatArray, jacobian: FloatArray, damping: float, rank: int | None
+) -> FloatArray:
+    """Solve J dq = -r for the shortest dq, damped and clamped."""
+    u, s, vt = np.linalg.svd(jacobian, full_matrices=False)
+    u, s, vt = u[:, :rank], s[:rank], vt[:rank]
+    largest = s[0] if s.size else 0.0
+    square = s**2 + (damping * largest) ** 2
+    gain = np.divide(s, square, out=np.zeros_like(s), where=square > 0)
+    step = -vt.T @ (gain * (u.T @ residual))
+    longest = np.abs(step).max(initial=0.0)
+    return step * min(1.0, _LARGEST_STEP / longest) if longest > 0 else step
+
+
+def _largest(residual: FloatArray) -> float:
+    return float(np.abs(residual).max(initial=0.0))

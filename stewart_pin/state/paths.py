@@ -1,0 +1,315 @@
+r"""From a closed configuration to a demand, on the same branch: a platform pose, or motor positions.
+
+A mechanism has several configurations for one demand. The one that continues the guess is found by moving the demand
+along a path and following it; Newton's method from far away may end on any other. A stretch of the path is accepted
+only where Newton's steps contract at once, ‖Δ₁‖ ≤ ‖Δ₀‖ / 4: then, by the theorem of Newton and Kantorovich in its
+affine covariant form [1]_, every demand on the stretch has exactly one solution near the beginning, and no singularity
+lies between. Otherwise the stretch is shortened; where it shrinks to nothing the path has met a singularity, beyond
+which there is no branch to be kept.
+
+References
+----------
+.. [1] P. Deuflhard, "Newton Methods for Nonlinear Problems", Springer, 2004, theorem 2.1 and section 5.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import lapack
+
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.freedom import TWIST_AXES, counted, split_motions
+from stewart_pin.state.generic import generic_freedom
+from stewart_pin.state.newton import Closure, System, displaced, judged, solve
+from stewart_pin.state.state import State
+from stewart_pin.tolerances import CLOSED, SINGULAR
+from stewart_pin.typing import FloatArray, Tangent
+
+_CONTRACTION = 0.25
+"""Largest ratio of the second Newton step to the first: half the radius of the theorem for the first."""
+_TURN = 0.6
+"""Largest angle by which the first Newton step of a stretch may turn a joint [rad]: farther sines are not straight."""
+_SHORTEST = 1e-5
+"""Share of a path below which a stretch is not shortened any more."""
+_ON_THE_WAY = 1e-8
+"""Largest residual at the end of a stretch that is not the last, in natural units."""
+_STANDS_STILL = 1e-9
+"""Newton step below which nothing more is won: where motors contradict each other a residual stays."""
+_AT_THE_END = 0.999
+"""Share of a path beyond which what ends it may be the demand itself: a pose at the border of the workspace."""
+_AT_A_FOLD = 1e-4
+"""Singular value at a demand where two branches meet: residuals of round-off move such a double root by their roots."""
+_MAX_STEPS = 12
+"""Newton steps of one stretch: six of them square round-off out of a contraction of a quarter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A demand that moves from where the chain is to what is asked for.
+
+    Attributes
+    ----------
+    residual
+        (m,) at a state, for a share of the path from 0 to 1, in natural units.
+    rows
+        (m, nv) its Jacobian at a state, in natural units; up to terms of the size of the residual.
+    sizes
+        (m,) natural size of each residual: the robot's size [m], or 1 [rad].
+    rank
+        Number of independent rows that the mechanism has beside its loops.
+    demand
+        What is asked for, in words.
+    """
+
+    residual: Callable[[State, float], FloatArray]
+    rows: Callable[[State], FloatArray]
+    sizes: FloatArray
+    rank: int
+    demand: str
+
+    def system(self, chain: ClosedChain) -> System:
+        """Return loops and the end of the path as a system for `solve`.
+
+        Parameters
+        ----------
+        chain
+            The chain.
+
+        Returns
+        -------
+        System
+            Of as many directions as the mechanism has.
+        """
+
+        def evaluate(state: State) -> tuple[FloatArray, FloatArray]:
+            return self.residuals(state, 1.0), np.concatenate([state.rows, self.rows(state)])
+
+        sizes = np.concatenate([chain.row_sizes, self.sizes])
+        return System(evaluate, sizes, chain.generic.rank + self.rank, self.demand)
+
+    def residuals(self, state: State, share: float) -> FloatArray:
+        """Stack the gap on the residual.
+
+        Parameters
+        ----------
+        state
+            The state.
+        share
+            Of the path.
+
+        Returns
+        -------
+        numpy.ndarray
+            (nc + m,) dimensionless.
+        """
+        return np.concatenate([state.gap / state.chain.row_sizes, self.residual(state, share)])
+
+
+def pose_path(start: State, target: pin.SE3, axes: Sequence[str] = TWIST_AXES) -> Path:
+    """Move the platform to a pose along the screw between the two.
+
+    Parameters
+    ----------
+    start
+        Where it is.
+    target
+        Platform frame in the world.
+    axes
+        Components of position error and rotation vector that are asked for, of `TWIST_AXES`; the others are free.
+
+    Returns
+    -------
+    Path
+        Position error, and rotation vector of R R_targetᵀ in world axes.
+    """
+    chain, begin = start.chain, start.pose
+    every = tuple(axes) == TWIST_AXES
+    kept = slice(None) if every else np.flatnonzero(counted(axes))
+    sizes = chain.twist_sizes[kept]
+    screw: pin.Motion | None = None
+
+    def residual(state: State, share: float) -> FloatArray:
+        nonlocal screw
+        goal = target
+        if share < 1.0:  # the end of the path is the pose itself, not its logarithm's exponential
+            screw = pin.log6(begin.actInv(target)) if screw is None else screw
+            goal = begin * pin.exp6(share * screw)
+        here = state.pose
+        error = np.empty(6)
+        error[:3] = here.translation - goal.translation
+        error[3:] = pin.log3(here.rotation @ goal.rotation.T)
+        return error[kept] / sizes
+
+    def rows(state: State) -> FloatArray:
+        # d log3(R R_targetᵀ) = ω up to the error itself.
+        return state.P[kept] * chain.tangent_scale / sizes[:, None]
+
+    return Path(residual, rows, sizes, generic_freedom(chain, axes).platform, "the pose")
+
+
+def motor_path(start: State, target: FloatArray) -> Path:
+    """Move the motors to their positions, all in proportion.
+
+    Parameters
+    ----------
+    start
+        Where they are.
+    target
+        (nu,) motor positions [m or rad].
+
+    Returns
+    -------
+    Path
+        Error of the motor positions.
+    """
+    chain = start.chain
+    at, sizes = chain.motor_q_index, chain.tangent_scale[chain.motor_index]
+    begin = start.q[at]
+
+    def residual(state: State, share: float) -> FloatArray:
+        goal = target if share == 1.0 else begin + share * (target - begin)
+        return (state.q[at] - goal) / sizes
+
+    return Path(
+        residual, lambda state: chain.motor_rows, sizes, chain.generic.count.motor, "the motor positions"
+    )
+
+
+def follow_path(start: State, path: Path) -> Closure:
+    """Follow a path to its end, on the branch of its beginning.
+
+    Parameters
+    ----------
+    start
+        State with closed loops.
+    path
+        What is asked for.
+
+    Returns
+    -------
+    Closure
+        Configuration at the end; or the reason why the path does not lead there, with the residual that is left where
+        the chain comes nearest.
+    """
+    state, share, stretch, iterations = start, 0.0, 1.0, 0
+    system = path.system(start.chain)
+    while share < 1.0:
+        end = min(1.0, share + stretch)
+        found = _stretch(state, path, end)
+        iterations += found.steps
+        if found.state is None:
+            stretch *= found.shorten
+            if stretch < _SHORTEST:
+                return _lost(start, state, share, path, system, iterations)
+            continue
+        state, share = found.state, end
+        stretch *= 2
+    residual = path.residuals(state, 1.0)
+    closure = judged(state, residual, system, iterations)
+    if not closure.success and _largest(residual) < _ON_THE_WAY:
+        # Beside a singularity plain steps lose digits that damped ones keep.
+        closure = solve(start.chain, state.q, system)
+        return replace(closure, iterations=iterations + closure.iterations)
+    return closure
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    """Where a stretch of a path leads; without a state it has to be shortened by a factor."""
+
+    state: State | None
+    steps: int
+    shorten: float = 0.5
+
+
+def _stretch(begin: State, path: Path, share: float) -> _Stretch:
+    """Newton's method from the beginning of a stretch to its end, as long as it contracts."""
+    state, residual = begin, path.residuals(begin, share)
+    goal = CLOSED / 10 if share == 1.0 else _ON_THE_WAY
+    angles = begin.chain.angle_mask
+    before, worst = 0.0, _largest(residual)
+    for count in range(_MAX_STEPS):
+        if worst <= goal:
+            return _Stretch(state, count)
+        step = _newton_step(state, path, residual)
+        if step is None:
+            return _Stretch(None, count)
+        size = float(np.sqrt(step @ step))
+        if count == 0:
+            turn = _largest(step[angles])
+            if turn > _TURN:
+                return _Stretch(None, count, shorten=max(0.1, 0.9 * _TURN / turn))
+        elif size > _CONTRACTION * before:
+            if worst <= max(CLOSED, state.round_off):  # round-off does not contract
+                return _Stretch(state, count)
+            return _Stretch(None, count, shorten=_shortening(size / before))
+        following = displaced(state, step)
+        residual, last = path.residuals(following, share), worst
+        worst = _largest(residual)
+        if worst > last / 2 and (size < _STANDS_STILL or last <= max(CLOSED, state.round_off)):
+            return _Stretch(state if worst >= last else following, count)
+        state, before = following, size
+    return (
+        _Stretch(state, _MAX_STEPS) if worst <= max(CLOSED, state.round_off) else _Stretch(None, _MAX_STEPS)
+    )
+
+
+def _shortening(contraction: float) -> float:
+    """Factor that brings a contraction, which grows as the square of a stretch does in its worst part, to a quarter."""
+    # Deuflhard, eq. (5.19), for a tangent predictor; not below a tenth, not above a half.
+    return float(np.clip(0.9 * np.sqrt(_CONTRACTION / contraction), 0.1, 0.5))
+
+
+def _newton_step(state: State, path: Path, residual: FloatArray) -> Tangent | None:
+    """Least motion that removes a residual to the first order; None at a singularity."""
+    usual, chain = state.chain.generic, state.chain
+    rows = path.rows(state)
+    if usual.rank == chain.nc and path.rank == rows.shape[0] and chain.nc + path.rank == chain.nv:
+        _, _, step, info = lapack.dgesv(np.concatenate([state.rows, rows]), -residual)
+        return step if info == 0 and np.isfinite(step @ step) else None
+    motions = state.motions
+    if motions.smallest <= 0:
+        return None
+    across = motions.across(-residual[: chain.nc])
+    if not path.rank:
+        return across
+    share = split_motions(rows @ motions.basis, path.rank)
+    if share.smallest <= 0:
+        return None
+    return across + motions.basis @ share.across(-residual[chain.nc :] - rows @ across)
+
+
+def _lost(start: State, state: State, share: float, path: Path, system: System, iterations: int) -> Closure:
+    """Say why a path ends before its end; from a singular beginning, where branches meet, any of them will do."""
+    direct = solve(start.chain, state.q, system)
+    if direct.success and (
+        (share == 0.0 and _is_singular(start, path, SINGULAR))
+        or (share > _AT_THE_END and _is_singular(direct.state, path, _AT_A_FOLD))
+    ):
+        return direct
+    gap = float(np.abs(path.residuals(state, 1.0) * system.sizes).max()) if direct.success else direct.gap
+    where = f"{100 * share:.4g} % of the way"
+    reason = (
+        f"on the way from the guess the branch ends at a singularity, {where}; the demand itself is met only on "
+        "another branch"
+        if direct.success
+        else f"the branch of the guess ends {where}, and the residual is {gap:.3g} [m or rad]"
+    )
+    reached = state if direct.success else direct.state
+    return Closure(reached, gap, iterations + direct.iterations, success=False, reason=reason)
+
+
+def _is_singular(state: State, path: Path, tolerance: float) -> bool:
+    """Whether rows of loops or demand have lost a direction at a state."""
+    if state.motions.smallest < tolerance * state.chain.generic.usual_loops:
+        return True
+    values = np.linalg.svd(path.rows(state) @ state.motions.basis, compute_uv=False)
+    return bool(path.rank and values[path.rank - 1] < tolerance)
+
+
+def _largest(residual: FloatArray) -> float:
+    return float(np.abs(residual).max(initial=0.0))

@@ -1,0 +1,131 @@
+"""Pinocchio's data with views of the placements in it, and a pool of them: making one costs more than most answers."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.typing import Configuration, FloatArray, Tangent
+
+_POOL = 8
+"""Scratches that a chain keeps for its next states."""
+
+
+class Scratch:
+    """One `pinocchio.Data`, used by one state at a time.
+
+    Parameters
+    ----------
+    model
+        Pinocchio's model.
+
+    Attributes
+    ----------
+    data
+        Pinocchio's data.
+    rotation
+        (njoints, 3, 3) rotations of the joints in the world, as the last call left them.
+    translation
+        (njoints, 3) origins of the joints in the world [m].
+    """
+
+    def __init__(self, model: pin.Model) -> None:
+        self.model = model
+        self.data = pin.Data(model)
+        self._still = np.zeros(model.nv)
+        self.rotation, self.translation = _views(self.data)
+
+    def place(self, q: Configuration) -> FloatArray:
+        """Compute placements and Jacobians of all joints.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+
+        Returns
+        -------
+        numpy.ndarray
+            (6, nv) spatial velocity at the world origin, in world axes, per tangent velocity: a view of the columns of
+            all joints; a body moves by those of the joints below it [m, rad per m or rad].
+        """
+        # Pinocchio hands a matrix of one column over as a vector.
+        return pin.computeJointJacobians(self.model, self.data, q).reshape(6, -1)
+
+    def place_rates(self, q: Configuration, v: Tangent) -> tuple[FloatArray, FloatArray]:
+        """Compute placements, Jacobians of all joints, and their time derivatives along a velocity.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+
+        Returns
+        -------
+        tuple of numpy.ndarray
+            (6, nv) Jacobian as `place`, and its derivative: views [m, rad per m or rad; per s].
+        """
+        pin.computeJointJacobiansTimeVariation(self.model, self.data, q, v)
+        return self.data.J.reshape(6, -1), self.data.dJ.reshape(6, -1)
+
+
+class ScratchPool:
+    """Scratches of one chain that no state uses at the moment; safe for any number of threads.
+
+    Parameters
+    ----------
+    model
+        Model of the chain.
+    """
+
+    def __init__(self, model: pin.Model) -> None:
+        self._model = model
+        self._free: deque[Scratch] = deque(maxlen=_POOL)  # append and pop are atomic
+
+    def take(self) -> Scratch:
+        """Return a scratch that nobody uses.
+
+        Returns
+        -------
+        Scratch
+            To be given back.
+        """
+        try:
+            return self._free.pop()
+        except IndexError:
+            return Scratch(self._model)
+
+    def give(self, scratch: Scratch) -> None:
+        """Take a scratch back.
+
+        Parameters
+        ----------
+        scratch
+            What `take` gave.
+        """
+        self._free.append(scratch)
+
+
+def _views(data: pin.Data) -> tuple[FloatArray, FloatArray]:
+    """Look at ``data.oMi`` as two arrays: reading placements one by one costs microseconds each.
+
+    Pinocchio keeps them in one block of memory, at equal distances; the first, the second and the last one prove it.
+    """
+    placements, last = data.oMi, len(data.oMi) - 1
+    rotation, translation = placements[0].rotation, placements[0].translation
+
+    def address(array: FloatArray) -> int:
+        return array.__array_interface__["data"][0]
+
+    stride = address(placements[min(1, last)].rotation) - address(rotation)
+    if address(placements[last].rotation) != address(rotation) + last * stride or stride <= 0:
+        raise RuntimeError("this build of Pinocchio keeps its placements in an order that is not known here")
+    strided = np.lib.stride_tricks.as_strided
+    return (
+        strided(rotation, (last + 1, 3, 3), (stride, *rotation.strides), writeable=False),
+        strided(translation, (last + 1, 3), (stride, *translation.strides), writeable=False),
+    )

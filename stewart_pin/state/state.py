@@ -1,0 +1,563 @@
+"""One configuration, velocity and acceleration of one chain: each quantity is computed once, when first asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import lapack
+
+from stewart_pin.errors import InputError, SingularityError
+from stewart_pin.state.freedom import Freedom, Motions, split_motions
+from stewart_pin.state.loop_rows import (
+    PlacedLoops,
+    gap_of,
+    jacobian_of,
+    jacobian_rate_of,
+    opposed_loops,
+    place_loops,
+    wrenches_of,
+)
+from stewart_pin.state.platform import platform_jacobian, platform_jacobian_rate
+from stewart_pin.state.scratch import Scratch
+from stewart_pin.tolerances import CONSISTENT, DIGITS, EPS, ROUND_OFF_STEPS, SINGULAR
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
+
+if TYPE_CHECKING:
+    from stewart_pin.state.chain import ClosedChain
+
+_FAR_FROM_SINGULAR = 1e-4
+"""Reciprocal condition number of the rows of loops and motors from which on no singularity is near: a hundred times
+`SINGULAR`, since it is estimated, in another norm."""
+
+
+class State:
+    """A state of a closed chain, made by ``chain.at(q, v, a)``; immutable.
+
+    Shapes, finiteness and quaternions have been checked; whether the state keeps the loops closed is checked once, by
+    the first verb that needs it. A state keeps scratch memory: it is for one thread at a time, a chain for any number.
+
+    Attributes
+    ----------
+    chain
+        The chain.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity; at rest unless given [m/s, rad/s].
+    a
+        (nv,) tangent acceleration; zero for a state at rest, None for a moving one unless given [m/s², rad/s²].
+    """
+
+    chain: ClosedChain
+    q: Configuration
+    v: Tangent
+    a: Tangent | None
+
+    def __init__(
+        self, chain: ClosedChain, q: Configuration, v: Tangent | None = None, a: Tangent | None = None
+    ) -> None:
+        own = self.__dict__
+        own["chain"], own["q"] = chain, _frozen(q)
+        if v is None:
+            own["v"] = chain.rest
+            own["a"] = chain.rest if a is None else _frozen(a)
+        else:
+            own["v"], own["a"] = _frozen(v), None if a is None else _frozen(a)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(
+            f"a State does not change; make another one by chain.at(...), with another {name}"
+        )
+
+    def __del__(self) -> None:
+        scratch = self.__dict__.get("_scratch")
+        if scratch is not None:
+            self.chain.scratches.give(scratch)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return State, (self.chain, self.q, self.v, self.a)
+
+    def __repr__(self) -> str:
+        moving = "at rest" if not self.v.any() else f"largest rate {np.abs(self.v).max():.3g}"
+        return f"State of '{self.chain.name}': {moving}, largest loop gap {self.largest_gap:.3g}"
+
+    # -- placements and loops ------------------------------------------------------------------------------------
+
+    @cached_property
+    def _scratch(self) -> Scratch:
+        return self.chain.scratches.take()
+
+    @cached_property
+    def _joints(self) -> FloatArray:
+        """(6, nv) joint Jacobians at the world origin; placing the joints for all that follows."""
+        return self._scratch.place(self.q)
+
+    @cached_property
+    def loops(self) -> PlacedLoops:
+        """Loop frames in the world."""
+        self._joints  # noqa: B018 - places the joints
+        return place_loops(self.chain.loop_table, self._scratch)
+
+    @cached_property
+    def gap(self) -> FloatArray:
+        """(nc,) residual of the loops, in loop frame 1, then of the couplings [m; sines of angles; m or rad]."""
+        return gap_of(self.chain.loop_table, self.loops, self.q)
+
+    @cached_property
+    def row_wrenches(self) -> FloatArray:
+        """(nc, 6) what a unit of each reaction does to link 2, about the world origin, in world axes [1, m]."""
+        return wrenches_of(self.chain.loop_table, self.loops)
+
+    @cached_property
+    def J_c(self) -> FloatArray:
+        """(nc, nv) loop Jacobian, the rate of the gap per tangent velocity [m and 1 per m or rad]."""
+        return jacobian_of(self.chain.loop_table, self.row_wrenches, self._joints, self.q)
+
+    @cached_property
+    def _joint_rates(self) -> FloatArray:
+        """(6, nv) rates of the joint Jacobians."""
+        return np.array(self._scratch.place_rates(self.q, self.v)[1])
+
+    @cached_property
+    def J_c_rate(self) -> FloatArray:
+        """(nc, nv) rate of the loop Jacobian along the velocity [per s]."""
+        return jacobian_rate_of(
+            self.chain.loop_table,
+            self.loops,
+            self.row_wrenches,
+            self._joints,
+            self._joint_rates,
+            self.q,
+            self.v,
+        )
+
+    @cached_property
+    def loop_bias(self) -> FloatArray:
+        """(nc,) second derivative of the gap that is there without acceleration [m/s² and 1/s²]."""
+        if not self.v.any():
+            return np.zeros(self.chain.nc)
+        return self.J_c_rate @ self.v
+
+    @cached_property
+    def relative_gap(self) -> FloatArray:
+        """(nc,) size of the gap, in robot sizes and radians, dimensionless."""
+        return np.abs(self.gap) / self.chain.row_sizes
+
+    @property
+    def largest_gap(self) -> float:
+        """Largest entry of the gap, in robot sizes or radians, dimensionless."""
+        return float(self.relative_gap.max(initial=0.0))
+
+    @cached_property
+    def round_off(self) -> float:
+        """What round-off makes of a gap, in robot sizes, dimensionless: more where the robot stands far away."""
+        reach = float(np.abs(self.loops.origin2).max(initial=0.0))
+        return ROUND_OFF_STEPS * EPS * max(1.0, reach / self.chain.length_scale)
+
+    # -- platform ------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def pose(self) -> pin.SE3:
+        """Platform frame in the world, oMp."""
+        self._joints  # noqa: B018 - places the joints
+        joint, placement = self.chain.platform_joint
+        data = self._scratch
+        return pin.SE3(np.array(data.rotation[joint]), np.array(data.translation[joint])) * placement
+
+    @cached_property
+    def P(self) -> FloatArray:
+        """(6, nv) platform Jacobian: twist [v; ω] of its origin, world axes, per tangent velocity [m, rad per m or rad]."""
+        return platform_jacobian(self.chain, self._joints, self.pose.translation)
+
+    @cached_property
+    def P_rate(self) -> FloatArray:
+        """(6, nv) its rate along the velocity [per s]."""
+        return platform_jacobian_rate(
+            self.chain, self._joints, self._joint_rates, self.pose.translation, self.v
+        )
+
+    @cached_property
+    def twist(self) -> FloatArray:
+        """(6,) twist [v; ω] of the platform origin, world axes [m/s, rad/s]."""
+        return self.P @ self.v
+
+    @cached_property
+    def platform_bias(self) -> FloatArray:
+        """(6,) acceleration of the platform origin, and angular, without tangent acceleration [m/s², rad/s²]."""
+        return self.P_rate @ self.v if self.v.any() else np.zeros(6)
+
+    # -- dynamics of the tree ------------------------------------------------------------------------------------
+
+    @cached_property
+    def M(self) -> FloatArray:
+        """(nv, nv) inertia matrix of the spanning tree, both halves [kg, kg m, kg m²]."""
+        chain, model = self.chain, self.chain.mass_model
+        upper = np.triu(np.reshape(pin.crba(model, self._scratch.data, self.q), (chain.nv, chain.nv)))
+        return chain.mass_unit * (upper + np.triu(upper, 1).T)
+
+    @cached_property
+    def nle(self) -> FloatArray:
+        """(nv,) joint efforts without acceleration: against weight, Coriolis and centrifugal forces [N, N m]."""
+        chain = self.chain
+        efforts = pin.nonLinearEffects(chain.mass_model, self._scratch.data, self.q, self.v)
+        return chain.mass_unit * np.array(efforts)
+
+    @cached_property
+    def weight(self) -> FloatArray:
+        """(nv,) joint efforts against weight alone [N, N m]."""
+        chain = self.chain
+        efforts = pin.computeGeneralizedGravity(chain.mass_model, self._scratch.data, self.q)
+        return chain.mass_unit * np.array(efforts)
+
+    @cached_property
+    def coriolis(self) -> FloatArray:
+        """(nv, nv) Coriolis matrix C of the tree; the rate of M is C + Cᵀ [kg/s, kg m/s, kg m²/s]."""
+        chain = self.chain
+        matrix = pin.computeCoriolisMatrix(chain.mass_model, self._scratch.data, self.q, self.v)
+        return chain.mass_unit * np.reshape(np.array(matrix), (chain.nv, chain.nv))
+
+    def tree_efforts(self, a: Tangent) -> FloatArray:
+        """Compute joint efforts of the tree with open loops, M a + nle.
+
+        Parameters
+        ----------
+        a
+            (nv,) tangent acceleration [m/s², rad/s²].
+
+        Returns
+        -------
+        numpy.ndarray
+            (nv,) [N, N m].
+        """
+        chain = self.chain
+        return chain.mass_unit * np.array(pin.rnea(chain.mass_model, self._scratch.data, self.q, self.v, a))
+
+    # -- freedom -------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def rows(self) -> FloatArray:
+        """(nc, nv) loop Jacobian in natural units, dimensionless."""
+        chain = self.chain
+        return self.J_c * chain.tangent_scale / chain.row_sizes[:, None]
+
+    @cached_property
+    def motions(self) -> Motions:
+        """The motions that the loops leave, exactly as many as the mechanism has."""
+        return split_motions(self.rows, self.chain.generic.rank)
+
+    @cached_property
+    def freedom(self) -> Freedom:
+        """Which of the motions the motors hold, and which move nothing that matters."""
+        return Freedom.of(self)
+
+    @cached_property
+    def drive(self) -> Drive | None:
+        """Rows of loops and motors factorised, where they determine every motion and are far from singular."""
+        return Drive.of(self) if self.chain.generic.motors_determine else None
+
+    # -- checks --------------------------------------------------------------------------------------------------
+
+    def require_closed(self) -> State:
+        """Refuse a configuration that leaves the loops open, or is too near a singularity of theirs.
+
+        Returns
+        -------
+        State
+            This one.
+
+        Raises
+        ------
+        InputError
+            If q leaves a loop open, or holds one with its axes against each other.
+        SingularityError
+            If the loops have lost a row here: what their reactions and velocities are is then undetermined.
+        """
+        self._closed  # noqa: B018 - raises
+        return self
+
+    def require_regular(self) -> State:
+        """Refuse a configuration at a singularity of the loops; see `require_closed`.
+
+        Returns
+        -------
+        State
+            This one.
+
+        Raises
+        ------
+        InputError
+            As `require_closed`.
+        SingularityError
+            If the loops have lost a row here.
+        """
+        self._closed  # noqa: B018 - raises
+        if self.drive is None or self.largest_gap > DIGITS * self.drive.regularity:
+            self._regular  # noqa: B018 - raises
+        return self
+
+    def require_moving(self) -> State:
+        """Refuse a velocity that opens the loops; `require_regular` first.
+
+        Returns
+        -------
+        State
+            This one.
+
+        Raises
+        ------
+        InputError
+            As `require_closed`, or if v opens a loop.
+        SingularityError
+            If the loops have lost a row here.
+        """
+        self.require_regular()._moving  # noqa: B018 - raises
+        return self
+
+    def require_accelerating(self) -> Tangent:
+        """Refuse an acceleration that is missing or opens the loops; `require_moving` first.
+
+        Returns
+        -------
+        numpy.ndarray
+            (nv,) the acceleration [m/s², rad/s²].
+
+        Raises
+        ------
+        InputError
+            As `require_moving`, or if there is no acceleration, or it opens a loop.
+        SingularityError
+            If the loops have lost a row here.
+        """
+        self.require_moving()
+        return self._accelerating
+
+    @cached_property
+    def _closed(self) -> bool:
+        worst = self.largest_gap
+        if worst > CONSISTENT:
+            row = int(np.argmax(self.relative_gap))
+            raise InputError(
+                f"q does not keep the loops closed: {abs(self.gap[row]):.3g} is left over in "
+                f"{self.chain.loop_table.names[row]}; see close_loops"
+            )
+        opposed = opposed_loops(self.chain.loop_table, self.loops)
+        if opposed:
+            raise InputError(
+                f"q holds loop '{self.chain.loops[opposed[0]].name}' with its axes against each other; see close_loops"
+            )
+        return True
+
+    @cached_property
+    def _regular(self) -> bool:
+        measure, usual = self.motions.smallest, self.chain.generic.usual_loops
+        if measure < SINGULAR * usual:
+            raise loop_singularity(self)
+        # Near a singularity the error of a configuration counts more than at ordinary ones.
+        if self.largest_gap > max(DIGITS * measure, self.round_off):
+            raise SingularityError(
+                f"q leaves the loops open by {self.largest_gap:.3g} robot sizes or radians, too much so near a "
+                f"singularity of theirs (smallest singular value {measure:.3g}); see close_loops",
+                smallest_singular_value=measure,
+            )
+        return True
+
+    @cached_property
+    def _moving(self) -> bool:
+        _require_small(self.chain, self.J_c @ self.v, self.v, "v")
+        return True
+
+    @cached_property
+    def _accelerating(self) -> Tangent:
+        a = self.a
+        if a is None:
+            raise InputError(
+                "the state has a velocity, but no acceleration; pass a, or chain.at(q, v, a); see platform_motion"
+            )
+        _require_small(self.chain, self.J_c @ a + self.loop_bias, a, "a")
+        return a
+
+
+class Drive:
+    """The square system of loop rows and motor rows in natural units, [J_c; S], factorised.
+
+    It exists where there are as many motors as freedoms, no idle ones and no redundant rows, and where its condition is
+    so good that no singularity can be near; elsewhere singular values decide, in `Freedom`.
+
+    Parameters
+    ----------
+    matrix
+        (nv, nv) rows of loops and motors, dimensionless.
+    factors
+        (nv, nv) its LU factors, dimensionless.
+    pivots
+        (nv,) index of the row exchanged at each step.
+    regularity
+        Estimated reciprocal of its condition number.
+    """
+
+    def __init__(
+        self, matrix: FloatArray, factors: FloatArray, pivots: np.ndarray, regularity: float
+    ) -> None:
+        self.matrix, self.regularity = matrix, regularity
+        self._factors, self._pivots = factors, pivots
+
+    @staticmethod
+    def of(state: State) -> Drive | None:
+        """Factorise, or say that the state needs a closer look.
+
+        Parameters
+        ----------
+        state
+            State of a chain whose motors determine its motion.
+
+        Returns
+        -------
+        Drive or None
+            The factors.
+        """
+        matrix = np.concatenate([state.rows, state.chain.motor_rows])
+        norm = np.abs(matrix).sum(axis=0).max()
+        factors, pivots, info = lapack.dgetrf(matrix)
+        if info:
+            return None
+        regularity = float(lapack.dgecon(factors, norm)[0])
+        return Drive(matrix, factors, pivots, regularity) if regularity > _FAR_FROM_SINGULAR else None
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Find the motion with given rates of loop rows and motors.
+
+        Parameters
+        ----------
+        right
+            (nc + nu,) or (nc + nu, k), dimensionless.
+
+        Returns
+        -------
+        numpy.ndarray
+            (nv,) or (nv, k), dimensionless.
+        """
+        return lapack.dgetrs(self._factors, self._pivots, right)[0]
+
+    def solve_transposed(self, right: FloatArray) -> FloatArray:
+        """Find the multipliers of loop rows and motors that make given efforts.
+
+        Parameters
+        ----------
+        right
+            (nv,) or (nv, k), dimensionless.
+
+        Returns
+        -------
+        numpy.ndarray
+            (nc + nu,) or (nc + nu, k), dimensionless.
+        """
+        return lapack.dgetrs(self._factors, self._pivots, right, trans=1)[0]
+
+
+def as_state(
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
+    v: ArrayLike | None = None,
+    a: ArrayLike | None = None,
+) -> State:
+    """Take what a verb of one state is given: a state, or a chain with q, v, a.
+
+    Parameters
+    ----------
+    chain
+        State, or closed chain.
+    q
+        (nq,) configuration, with a chain [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity [m/s, rad/s].
+    a
+        (nv,) tangent acceleration [m/s², rad/s²].
+
+    Returns
+    -------
+    State
+        The state.
+
+    Raises
+    ------
+    InputError
+        If it is neither, or a state comes with further arguments.
+    """
+    if isinstance(chain, State):
+        if not (q is None and v is None and a is None):
+            raise InputError("a state holds q, v and a already; pass the state alone, or chain, q, v, a")
+        return chain
+    if not hasattr(chain, "loop_table"):
+        raise InputError(
+            f"the first argument must be a ClosedChain (see load) or a State (chain.at), got {type(chain).__name__}"
+        )
+    if q is None:
+        raise InputError("q is missing; pass chain, q, v, a, or a state made by chain.at(q, v, a)")
+    return chain.at(q, v, a)
+
+
+def loop_singularity(state: State) -> SingularityError:
+    """Describe a configuration at which the loops have lost a row.
+
+    Parameters
+    ----------
+    state
+        The state.
+
+    Returns
+    -------
+    SingularityError
+        With the motion that is gained.
+    """
+    chain, motions = state.chain, state.motions
+    direction = motions.gained * chain.tangent_scale
+    direction = direction / np.abs(direction).max()
+    return SingularityError(
+        f"the loops are singular here: a row depends on the others (smallest singular value {motions.smallest:.3g}), "
+        f"and the motion {named_motion(chain, direction)} is gained; move away from this configuration",
+        smallest_singular_value=motions.smallest,
+        direction=direction,
+        names=chain.tangent_names,
+    )
+
+
+def named_motion(chain: ClosedChain, direction: FloatArray) -> str:
+    """Spell out the largest entries of a motion.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    direction
+        (nv,) the motion [m, rad].
+
+    Returns
+    -------
+    str
+        Tangent names with their values.
+    """
+    order = np.argsort(-np.abs(direction))[:6]
+    largest = np.abs(direction).max()
+    return ", ".join(
+        f"{chain.tangent_names[k]} {direction[k]:+.3g}" for k in order if abs(direction[k]) > 1e-6 * largest
+    )
+
+
+def _require_small(chain: ClosedChain, left: FloatArray, value: Tangent, name: str) -> None:
+    relative = np.abs(left) / chain.row_sizes
+    worst = float(relative.max(initial=0.0))
+    if worst > CONSISTENT and worst > CONSISTENT * float(np.abs(value / chain.tangent_scale).max()):
+        row = int(np.argmax(relative))
+        raise InputError(
+            f"{name} does not keep the loops closed: {abs(left[row]):.3g} is left over in "
+            f"{chain.loop_table.names[row]}; see platform_motion"
+        )
+
+
+def _frozen(array: FloatArray) -> FloatArray:
+    copy = np.array(array, dtype=float)
+    copy.setflags(write=False)
+    return copy

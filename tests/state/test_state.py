@@ -1,0 +1,187 @@
+"""A state: checked at the door, computed once, never changed, and the same numbers as the verbs of a chain."""
+
+from __future__ import annotations
+
+import pickle
+import threading
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.errors import InputError, SingularityError
+from stewart_pin.state import loop_rows
+from stewart_pin.state.scratch import Scratch
+from tests.closed_states import along, close, derivative, random_configuration, random_motion, robot
+from tests.mechanisms import four_bar
+
+ROBOTS = ("stewart", "stewart_sps", "delta", "four_bar", "arm_7r", "gear_train")
+
+
+def moving(name: str, rng: np.random.Generator) -> stp.State:
+    chain = robot(name)
+    q = random_configuration(chain, rng, 0.1)
+    return chain.at(q, *random_motion(chain, rng, q))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_state_gives_what_chain_and_numbers_give(name: str, rng: np.random.Generator) -> None:
+    state = moving(name, rng)
+    given = state.chain, state.q, state.v, state.a
+    effort = stp.inverse_dynamics(state)
+    assert np.array_equal(effort.tau_motor, stp.inverse_dynamics(*given).tau_motor)
+    motion = stp.forward_dynamics(state, tau_motor=effort.tau_motor)
+    assert np.array_equal(motion.a, stp.forward_dynamics(*given[:3], effort.tau_motor).a)
+    for verb in (stp.loop_gap, stp.loop_jacobian, stp.motor_jacobian, stp.motor_positions):
+        assert np.array_equal(verb(state), verb(*given[:2]))
+    for verb in (stp.loop_bias, stp.loop_jacobian_rate):
+        assert np.array_equal(verb(state), verb(*given[:3]))
+    assert stp.platform_pose(state) == stp.platform_pose(*given[:2])
+    assert np.array_equal(stp.operational_dynamics(state).M, stp.operational_dynamics(*given[:3]).M)
+    assert stp.classify_singularity(state).measures == stp.classify_singularity(*given[:2]).measures
+    parts = stp.joint_reactions(state), stp.joint_reactions(*given[:3], effort)
+    assert all(np.array_equal(one.force, two.force) for one, two in zip(*parts, strict=True))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_platform_by_differences(name: str, rng: np.random.Generator) -> None:
+    """Twist and acceleration of the platform are the derivatives of its pose: none of Pinocchio's frames takes part."""
+    state = moving(name, rng)
+    chain = state.chain
+    curve = along(chain, state.q, state.v, state.a)
+    turned = lambda t: pin.log3(chain.at(curve(t)).pose.rotation @ state.pose.rotation.T)  # noqa: E731
+    placed = lambda t: np.concatenate([chain.at(curve(t)).pose.translation, turned(t)])  # noqa: E731
+    # Differences of order 4: 1e-12 of rates of a few per second.
+    close(state.twist, derivative(placed), 1e-9)
+
+    def twist(t: float) -> np.ndarray:
+        # The velocity of the curve q ⊕ (v t + a t²/2) at t, by differences of the curve itself.
+        rate = derivative(lambda h: pin.difference(chain.model, curve(t), curve(t + h)))
+        return chain.at(curve(t), rate).twist
+
+    close(state.P @ state.a + state.platform_bias, derivative(twist), 1e-7)
+    matrix = derivative(lambda t: chain.at(pin.integrate(chain.model, state.q, t * state.v)).P)
+    np.testing.assert_allclose(state.P_rate, matrix, rtol=0, atol=1e-9 * max(1.0, np.abs(matrix).max()))
+
+
+def test_each_quantity_is_computed_once(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+    state, calls = moving("stewart", rng), []
+    for name in ("place_loops", "wrenches_of", "jacobian_of", "jacobian_rate_of"):
+        own = getattr(loop_rows, name)
+
+        def counted(*args, own=own, name=name):
+            calls.append(name)
+            return own(*args)
+
+        monkeypatch.setattr(f"stewart_pin.state.state.{name}", counted)
+    stp.inverse_dynamics(state, method="constraint_matrix")  # ranks are found on states of their own
+    calls.clear()
+    fresh = stp.State(state.chain, state.q, state.v, state.a)
+    effort = stp.inverse_dynamics(fresh)
+    stp.forward_dynamics(fresh, tau_motor=effort.tau_motor)
+    stp.operational_dynamics(fresh), stp.motor_jacobian(fresh)
+    stp.inverse_dynamics(fresh, method="constraint_matrix")
+    assert sorted(calls) == ["jacobian_of", "jacobian_rate_of", "place_loops", "wrenches_of"]
+
+
+def test_a_state_does_not_change(rng: np.random.Generator) -> None:
+    chain = robot("four_bar")
+    q = np.array(chain.q_home)
+    state = chain.at(q)
+    q[0] += 1.0
+    assert np.array_equal(state.q, chain.q_home)
+    with pytest.raises(ValueError, match="read-only"):
+        state.q[0] = 0.0
+    with pytest.raises(AttributeError, match=r"chain\.at"):
+        state.v = np.ones(3)
+    again = pickle.loads(pickle.dumps(state))
+    assert np.array_equal(again.q, state.q) and again.chain.name == chain.name
+    assert repr(state).startswith("State of 'four_bar': at rest, largest loop gap ")
+
+
+def test_verbs_say_what_they_take(rng: np.random.Generator) -> None:
+    chain = robot("stewart")
+    state = moving("stewart", rng)
+    with pytest.raises(InputError, match="a state holds q, v and a already"):
+        stp.inverse_dynamics(state, state.q)
+    with pytest.raises(InputError, match="q is missing"):
+        stp.inverse_dynamics(chain)
+    with pytest.raises(InputError, match=r"ClosedChain .* or a State .*, got Hexapod"):
+        stp.inverse_dynamics(stp.Hexapod.from_chain(chain), state.q)
+    with pytest.raises(InputError, match="no acceleration"):
+        stp.inverse_dynamics(chain.at(state.q, state.v))
+    with pytest.raises(InputError, match="tau_motor is missing"):
+        stp.forward_dynamics(state)
+    assert np.array_equal(
+        stp.inverse_dynamics(chain.at(chain.q_home)).tau_motor,
+        stp.inverse_dynamics(chain, chain.q_home, np.zeros(24), np.zeros(24)).tau_motor,
+    )
+
+
+def test_solvers_hand_out_states() -> None:
+    chain = robot("stewart")
+    pose = pin.SE3(np.eye(3), np.array([0.03, -0.02, 1.0]))
+    for closure in (
+        stp.close_loops(chain, chain.q_home),
+        stp.inverse_kinematics(chain, pose),
+        stp.forward_kinematics(chain, stp.motor_positions(chain, chain.q_home) + 0.01),
+    ):
+        assert isinstance(closure.state, stp.State) and closure.q is closure.state.q
+        assert stp.inverse_dynamics(closure.state).residual < 1e-9
+    assert isinstance(stp.platform_motion(chain, pose, np.zeros(6), np.zeros(6)), stp.State)
+
+
+def test_placements_are_read_where_pinocchio_keeps_them(rng: np.random.Generator) -> None:
+    """All placements are looked at as one array, whatever the number of joints."""
+    for name in ("stewart", "four_bar", "arm_7r", "delta"):
+        model = robot(name).model
+        scratch = Scratch(model)
+        for _ in range(3):
+            scratch.place(pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)))
+            for k in range(model.njoints):
+                assert np.array_equal(scratch.rotation[k], scratch.data.oMi[k].rotation)
+                assert np.array_equal(scratch.translation[k], scratch.data.oMi[k].translation)
+
+
+def test_a_chain_serves_any_number_of_threads(rng: np.random.Generator) -> None:
+    chain = robot("stewart")
+    states = [moving("stewart", rng) for _ in range(40)]
+    expected = [stp.inverse_dynamics(chain, s.q, s.v, s.a).tau_motor for s in states]
+    found: list = [None] * len(states)
+
+    def work(first: int) -> None:
+        for k in range(first, len(states), 4):
+            s = states[k]
+            for _ in range(5):
+                found[k] = stp.inverse_dynamics(chain, s.q, s.v, s.a).tau_motor
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in range(4)]
+    [thread.start() for thread in threads]
+    [thread.join() for thread in threads]
+    assert all(np.array_equal(one, two) for one, two in zip(found, expected, strict=True))
+
+
+def test_scratch_is_used_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    chain = four_bar()
+    stp.inverse_dynamics(chain.at(chain.q_home))  # several at once, to find the ranks
+    made = []
+    monkeypatch.setattr(
+        "stewart_pin.state.scratch.Scratch", lambda model: made.append(model) or Scratch(model)
+    )
+    for _ in range(20):
+        stp.inverse_dynamics(chain.at(chain.q_home))
+    assert not made
+
+
+def test_a_state_with_few_digits_is_refused_beside_a_singularity() -> None:
+    """Eight digits are enough at ordinary states, and not at a distance of 1e-5 from where the loops are singular."""
+    chain = four_bar(lengths=(0.3, 0.9, 0.3))  # a parallelogram, flat at zero
+    near = np.array([1e-5, -1e-5, 1e-5])
+    for angle, name in ((near[0], "crank_motor"), (-near[0], "elbow"), (near[0], "rocker_hinge")):
+        near[chain.model.joints[chain.model.getJointId(name)].idx_q] = angle
+    exact = stp.close_loops(chain, near).state
+    assert stp.inverse_dynamics(exact).residual < 1e-9
+    printed = exact.q + 1e-8 * np.array([1.0, 1.0, 0.0])
+    with pytest.raises(SingularityError, match="so near a singularity of theirs"):
+        stp.inverse_dynamics(chain.at(printed))
