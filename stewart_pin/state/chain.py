@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -60,6 +61,10 @@ class ClosedChain:
         home = np.array(self.q_home, dtype=float)
         home.setflags(write=False)
         object.__setattr__(self, "q_home", home)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # What a chain has found out about itself stays here: scratch memory cannot travel, and the rest is found again.
+        return ClosedChain, (self.mechanism, self.model, self.motors, self.platform, self.q_home)
 
     @property
     def name(self) -> str:

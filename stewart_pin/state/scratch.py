@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import NoReturn
 
 import numpy as np
 import pinocchio as pin
@@ -36,6 +37,9 @@ class Scratch:
         self.data = pin.Data(model)
         self._still = np.zeros(model.nv)
         self.rotation, self.translation = _views(self.data)
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("scratch memory is of one process; pass the chain or the state it belongs to")
 
     def place(self, q: Configuration) -> FloatArray:
         """Compute placements and Jacobians of all joints.

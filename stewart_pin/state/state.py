@@ -169,7 +169,7 @@ class State:
 
     @cached_property
     def P(self) -> FloatArray:
-        """(6, nv) platform Jacobian: twist [v; ω] of its origin, world axes, per tangent velocity [m, rad per m or rad]."""
+        """(6, nv) platform Jacobian: twist [v; ω] of its origin, world axes, per tangent rate [m, rad per m or rad]."""
         return platform_jacobian(self.chain, self._joints, self.pose.translation)
 
     @cached_property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 import threading
 
@@ -185,3 +186,21 @@ def test_a_state_with_few_digits_is_refused_beside_a_singularity() -> None:
     printed = exact.q + 1e-8 * np.array([1.0, 1.0, 0.0])
     with pytest.raises(SingularityError, match="so near a singularity of theirs"):
         stp.inverse_dynamics(chain.at(printed))
+
+
+def test_chains_and_states_travel_without_their_scratch(rng: np.random.Generator) -> None:
+    """Placements are views of Pinocchio's memory: a copy of them would stand still."""
+    state = moving("stewart", rng)
+    expected = stp.inverse_dynamics(state).tau_motor
+    for again in (pickle.loads(pickle.dumps(state)), copy.deepcopy(state)):
+        assert np.array_equal(stp.inverse_dynamics(again).tau_motor, expected)
+        assert "_scratch" not in pickle.loads(pickle.dumps(again)).__dict__
+    chain = pickle.loads(pickle.dumps(state.chain))
+    assert set(vars(chain)) == {"mechanism", "model", "motors", "platform", "q_home"}
+    other = moving("stewart", rng)
+    ours, theirs = (
+        stp.inverse_dynamics(c, other.q, other.v, other.a).tau_motor for c in (state.chain, chain)
+    )
+    assert np.array_equal(ours, theirs)
+    with pytest.raises(TypeError, match="one process"):
+        pickle.dumps(Scratch(chain.model))
