@@ -12,7 +12,6 @@ from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import JointKind, Note, Outcome
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import clipped, limit_violations, random_configuration, unwound
-from stewart_pin.state.loop_rows import opposed_loops
 from stewart_pin.state.newton import Closure, displaced, polish
 from stewart_pin.state.state import State
 from stewart_pin.tolerances import CLOSED
@@ -296,11 +295,7 @@ def _closed_group(
         state = trial
     closed = np.abs(state.gap / chain.row_sizes)[rows].max() <= max(CLOSED, state.round_off)
     # A loop of another group may still be open, and look like one that is closed the wrong way round.
-    opposed = {
-        loop
-        for loop in opposed_loops(chain.loop_table, state.loops)
-        if rows[chain.loop_table.slices[loop]].any()
-    }
+    opposed = {loop for loop in state.opposed() if rows[chain.loop_table.slices[loop]].any()}
     return np.array(state.q) if closed and not opposed else None
 
 

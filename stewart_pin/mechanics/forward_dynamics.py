@@ -11,14 +11,14 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import pinocchio as pin
+from scipy.linalg import lapack
 
 from stewart_pin.checks import as_array
 from stewart_pin.errors import ConvergenceError, InputError, SingularityError, UnsupportedError
 from stewart_pin.mechanics.effort import Motion
 from stewart_pin.mechanics.inverse_dynamics import least_reactions
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.pinocchio_constraints import constraint_models, reactions_from_pinocchio
+from stewart_pin.state.pinocchio_constraints import reactions_from_pinocchio, unknown_to_pinocchio
 from stewart_pin.state.state import Drive, State, as_state, named_motion
 from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
@@ -32,7 +32,7 @@ def forward_dynamics(
     v: ArrayLike | None = None,
     tau_motor: ArrayLike | None = None,
     *,
-    method: Method = "projection",
+    method: Method | None = None,
 ) -> Motion:
     """Compute the acceleration under given motor efforts.
 
@@ -49,7 +49,8 @@ def forward_dynamics(
     method
         ``"projection"``: the equation of motion projected on the motions that keep the loops closed; for every chain,
         also with redundant loops or massless legs. ``"constraint_dynamics"``: `pinocchio.constraintDynamics`, for
-        spherical and fixed loops that are not redundant, on bodies with mass.
+        spherical and fixed loops that are not redundant, on bodies with mass. Default: the latter where its rows and
+        inertias are far from singular, at half the cost, otherwise the former.
 
     Returns
     -------
@@ -83,36 +84,30 @@ def forward_dynamics(
     tau[chain.motor_index] = as_array("tau_motor", tau_motor, (chain.nu,))
     if method == "constraint_dynamics":
         return _constraint_dynamics(state, tau)
-    if method != "projection":
+    if method not in (None, "projection"):
         raise InputError(f"method must be 'projection' or 'constraint_dynamics', got {method!r}")
-    scale = chain.tangent_scale
-    inertia, push = scale[:, None] * state.M * scale, scale * (tau - state.nle)
-    if state.drive is not None:
-        found = _by_drive(state, state.drive, inertia, push)
-        if found is not None:
-            return found
-    return _by_motions(state, inertia, push)
+    if method is None and state.drive is not None and chain.known_to_pinocchio:
+        motion = _by_pinocchio(state, tau)
+        if motion is not None:
+            return motion
+    push = chain.tangent_scale * (tau - state.nle)
+    if state.drive is not None and state.motor_inertia is not None:
+        return _by_drive(state, state.drive, state.motor_inertia, push)
+    return _by_motions(state, push)
 
 
-def _by_drive(state: State, drive: Drive, inertia: FloatArray, push: FloatArray) -> Motion | None:
+def _by_drive(state: State, drive: Drive, factor: FloatArray, push: FloatArray) -> Motion:
     """Move along the motors: M_x ẍ = Gᵀ(push - M a_0); natural units."""
-    chain, nc = state.chain, state.chain.nc
-    right = np.zeros((chain.nv, 1 + chain.nu))
-    right[:nc, 0] = -state.loop_bias / chain.row_sizes
-    right[nc:, 1:] = np.eye(chain.nu)
-    solved = drive.solve(right)
-    start, G = solved[:, 0], solved[:, 1:]
-    moments, axes = np.linalg.eigh(G.T @ inertia @ G)
-    if moments.size and not moments[0] > NO_INERTIA * moments[-1]:
-        return None
-    a = start + G @ (axes @ ((axes.T @ (G.T @ (push - inertia @ start))) / moments))
-    lambda_c = drive.solve_transposed(inertia @ a - push)[:nc] / chain.row_sizes
+    chain, inertia, G, start = state.chain, state.inertia, state.motor_motions, state.drift
+    rates = lapack.dpotrs(factor, (push - inertia @ start) @ G, lower=1)[0]
+    a = start + G @ rates
+    lambda_c = drive.carry(inertia @ a - push)[0] / chain.row_sizes
     return Motion(a=a * chain.tangent_scale, lambda_c=lambda_c)
 
 
-def _by_motions(state: State, inertia: FloatArray, push: FloatArray) -> Motion:
+def _by_motions(state: State, push: FloatArray) -> Motion:
     """Move along an orthonormal basis of the motions; natural units."""
-    chain, motions = state.chain, state.motions
+    chain, motions, inertia = state.chain, state.motions, state.inertia
     start = -motions.across(state.loop_bias / chain.row_sizes)
     a = start + _free_acceleration(state, inertia, push - inertia @ start)
     lambda_c = least_reactions(state, (inertia @ a - push) / chain.tangent_scale)
@@ -149,29 +144,31 @@ def _require_idle(state: State, weightless: FloatArray, moments: FloatArray) -> 
 
 def _constraint_dynamics(state: State, tau: FloatArray) -> Motion:
     chain = state.chain
-    models = constraint_models(chain)
-    if chain.generic.rank < chain.nc:
-        raise UnsupportedError(
-            "pinocchio.constraintDynamics cannot treat redundant loops (see mobility); use method='projection'"
+    if not chain.known_to_pinocchio:
+        unknown = (
+            unknown_to_pinocchio(chain)
+            or "pinocchio.constraintDynamics cannot treat redundant loops (see mobility)"
         )
-    # Fresh datas for every call: other algorithms leave desired accelerations behind in theirs.
-    datas = pin.StdVec_RigidConstraintData()
-    for model in models:
-        datas.append(model.createData())
-    model, unit = chain.mass_model, chain.mass_unit
-    data = pin.Data(model)
-    pin.initConstraintDynamics(model, data, models, datas)
-    settings = pin.ProximalSettings(1e-14, 0.0, 1)
-    q, v = np.array(state.q), np.array(state.v)
-    a = np.array(pin.constraintDynamics(model, data, q, v, tau / unit, models, datas, settings))
-    if not np.isfinite(a).all():
+        raise UnsupportedError(f"{unknown}; use method='projection'")
+    motion = _by_pinocchio(state, tau)
+    if motion is None:
         raise UnsupportedError(
-            "pinocchio.constraintDynamics gives no finite answer: bodies lack mass; use method='projection'"
+            "pinocchio.constraintDynamics needs bodies with mass, and a state away from singularities; "
+            "use method='projection'"
         )
-    left = float(np.abs(state.J_c @ a + state.loop_bias).max(initial=0.0))
-    if left > CONSISTENT * max(1.0, float(np.abs(a).max(initial=0.0))):
+    left = float(np.abs(state.J_c @ motion.a + state.loop_bias).max(initial=0.0))
+    if left > CONSISTENT * max(1.0, float(np.abs(motion.a).max(initial=0.0))):
         raise ConvergenceError(
             f"pinocchio.constraintDynamics leaves {left:.3g} of the loop acceleration; use method='projection'",
             residual=left,
         )
-    return Motion(a=a, lambda_c=unit * reactions_from_pinocchio(chain, np.array(data.lambda_c)))
+    return motion
+
+
+def _by_pinocchio(state: State, tau: FloatArray) -> Motion | None:
+    """Pinocchio's own algorithm; None where bodies lack mass for it."""
+    memory = state.chain.constrained_dynamics
+    solver = memory.take()
+    found = solver.accelerate(state.q, state.v, tau)
+    memory.give(solver)
+    return found and Motion(a=found[0], lambda_c=reactions_from_pinocchio(state.chain, found[1]))

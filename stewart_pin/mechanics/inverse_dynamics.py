@@ -123,14 +123,14 @@ def motor_efforts(state: State, a: Tangent) -> FloatArray:
 
 def _by_drive(state: State, drive: Drive, a: Tangent) -> Effort:
     """Solve [J_c; S]ᵀ [λ; τ] = M a + nle, regular and square."""
-    chain = state.chain
-    scale, nc = chain.tangent_scale, chain.nc
-    needed = state.tree_efforts(a)
-    found = drive.solve_transposed(needed * scale)
-    left = needed * scale - drive.matrix.T @ found
+    chain, scale = state.chain, state.chain.tangent_scale
+    needed = state.tree_efforts(a) * scale
+    reactions, motors = drive.carry(needed)
+    left = needed - reactions @ state.rows
+    left[chain.motor_index] -= motors
     return Effort(
-        tau_motor=found[nc:] / scale[chain.motor_index],
-        lambda_c=found[:nc] / chain.row_sizes,
+        tau_motor=motors / scale[chain.motor_index],
+        lambda_c=reactions / chain.row_sizes,
         unique=True,
         reactions_unique=True,
         a=a,
@@ -209,9 +209,9 @@ def _let_idle_go(state: State, a: Tangent, idle: FloatArray) -> tuple[FloatArray
     needed = state.tree_efforts(a)
     if not idle.shape[1]:
         return needed, a
-    scale, inertia = state.chain.tangent_scale, state.M
+    inertia = state.M
     moments, axes = np.linalg.eigh(idle.T @ inertia @ idle)
-    heavy = moments > NO_INERTIA * np.abs(scale[:, None] * inertia * scale).max()
+    heavy = moments > NO_INERTIA * np.abs(state.inertia).max()
     axes = idle @ axes[:, heavy]
     change = -axes @ ((axes.T @ needed) / moments[heavy])
     return needed + inertia @ change, a + change

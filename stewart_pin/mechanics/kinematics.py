@@ -378,5 +378,5 @@ def _within_limits(closure: Closure, *, throw: bool) -> Closure:
 def _start(chain: ClosedChain, q_guess: ArrayLike | None) -> State:
     """Home, or the guess with its loops closed: without that, the way to the demand would begin off the mechanism."""
     if q_guess is None:
-        return State(chain, chain.q_home)
+        return chain.home_state()
     return close_loops(chain, q_guess, throw=False).state

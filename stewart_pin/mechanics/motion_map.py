@@ -125,13 +125,11 @@ class SolvedMap:
         self.chain, self.state = chain, state
         self.chosen = choose_coordinates(state, coordinates)
         self.scale = chain.tangent_scale
-        self.inertia = self.scale[:, None] * state.M * self.scale
+        self.inertia = state.inertia
         self.rest = np.zeros((chain.nv, 0))
         count = len(self.chosen.names)
         if self.chosen.kind == "motor" and state.drive is not None:
-            right = np.zeros((chain.nv, count))
-            right[chain.nc :] = np.eye(count)
-            self._drive, self.G = state.drive, state.drive.solve(right)
+            self._drive, self.G = state.drive, state.motor_motions
             return
         self._drive = None
         rows = self.chosen.rows * self.scale / self.chosen.sizes[:, None]
@@ -186,7 +184,7 @@ class SolvedMap:
         sizes = np.concatenate([chain.row_sizes, self.chosen.sizes])
         scaled = demand / (sizes if demand.ndim == 1 else sizes[:, None])
         if self._drive is not None:
-            return self._drive.solve(scaled)
+            return self._drive.across(scaled[:nc]) + self.G @ scaled[nc:]
         across = self.state.motions.across(scaled[:nc])
         return across + self.state.motions.basis @ self._seen.across(scaled[nc:] - self._rows @ across)
 

@@ -104,16 +104,27 @@ class LoopTable:
         (L,) Pinocchio joint ids that carry frames 1 and 2, as integers of Python.
     at1, at2
         (L,) indices of these joints, as arrays.
+    carriers
+        (K,) index of the joint that carries each of `carried`.
+    carried
+        (K, 3, 1) what the joints carry, in their frames: origins of frames 1, origins of frames 2 [m], then normals, u1
+        and u2 of the rows, unit vectors.
+    split
+        Where in these the origins of frames 2, the normals, u1 and u2 begin.
     rotation1, rotation2
         (L, 3, 3) loop frames in their joints.
     translation1, translation2
         (L, 3) loop frames in their joints [m].
-    support1, support2
-        (L, nv) 1 where a tangent entry moves the frame, else 0, dimensionless.
+    supports
+        (2 L, nv) 1 where a tangent entry moves frame 1, then the same of frames 2, else 0; dimensionless.
     difference
         (L, nv) the second less the first, dimensionless: 0 where a tangent entry moves both frames or neither.
     row_difference
         (nc, nv) the same for every row, of its loop; 0 for couplings; dimensionless.
+    row_loop
+        (nc,) index of the loop of every row; 0 for couplings.
+    only_normals
+        Whether all rows are normal ones, in their order.
     aligned
         (n,) index of the loop that holds directions of its frames together, one entry per direction.
     directions
@@ -131,14 +142,18 @@ class LoopTable:
     joint2: tuple[int, ...]
     at1: np.ndarray
     at2: np.ndarray
+    carriers: np.ndarray
+    carried: FloatArray
+    split: tuple[int, int, int, int]
     rotation1: FloatArray
     rotation2: FloatArray
     translation1: FloatArray
     translation2: FloatArray
-    support1: FloatArray
-    support2: FloatArray
+    supports: FloatArray
     difference: FloatArray
     row_difference: FloatArray
+    row_loop: np.ndarray
+    only_normals: bool
     aligned: np.ndarray
     directions: FloatArray
     normal: RowGroup
@@ -188,26 +203,46 @@ def build_loop_table(mechanism: Mechanism, model: pin.Model) -> LoopTable:
     for number, rows_of_loop in enumerate(slices):
         owner[rows_of_loop] = number
     supports = [np.array([support(model, joint) for joint, _ in side]).reshape(-1, model.nv) for side in ends]
+    rotation1, rotation2 = (
+        np.array([placement.rotation for _, placement in side]).reshape(-1, 3, 3) for side in ends
+    )
+    translation1, translation2 = (
+        np.array([placement.translation for _, placement in side]).reshape(-1, 3) for side in ends
+    )
+    at1, at2 = (np.array([joint for joint, _ in side], dtype=int) for side in ends)
+    normal, angle = _group(groups[NormalRow]), _group(groups[AngleRow])
+    carried = [
+        translation1,
+        translation2,
+        (rotation1[normal.loop] @ normal.vector1[:, :, None])[:, :, 0],
+        (rotation1[angle.loop] @ angle.vector1[:, :, None])[:, :, 0],
+        (rotation2[angle.loop] @ angle.vector2[:, :, None])[:, :, 0],
+    ]
+    first, second, third, fourth = np.cumsum([len(part) for part in carried])[:4].tolist()
     return LoopTable(
         size=len(names),
         names=tuple(names),
         slices=tuple(slices),
         joint1=tuple(joint for joint, _ in ends[0]),
         joint2=tuple(joint for joint, _ in ends[1]),
-        rotation1=np.array([placement.rotation for _, placement in ends[0]]).reshape(-1, 3, 3),
-        rotation2=np.array([placement.rotation for _, placement in ends[1]]).reshape(-1, 3, 3),
-        translation1=np.array([placement.translation for _, placement in ends[0]]).reshape(-1, 3),
-        translation2=np.array([placement.translation for _, placement in ends[1]]).reshape(-1, 3),
-        at1=np.array([joint for joint, _ in ends[0]], dtype=int),
-        at2=np.array([joint for joint, _ in ends[1]], dtype=int),
-        support1=supports[0],
-        support2=supports[1],
+        rotation1=rotation1,
+        rotation2=rotation2,
+        translation1=translation1,
+        translation2=translation2,
+        at1=at1,
+        at2=at2,
+        carriers=np.concatenate([at1, at2, at1[normal.loop], at1[angle.loop], at2[angle.loop]]),
+        carried=np.concatenate(carried)[:, :, None],
+        split=(first, second, third, fourth),
+        supports=np.concatenate(supports),
         aligned=np.array([number for number, _ in aligned], dtype=int),
         directions=np.array([direction for _, direction in aligned], dtype=float).reshape(-1, 3),
         row_difference=np.vstack([supports[1] - supports[0], np.zeros((1, model.nv))])[owner],
+        row_loop=np.maximum(owner, 0),
+        only_normals=len(normal.index) == len(names),
         difference=supports[1] - supports[0],
-        normal=_group(groups[NormalRow]),
-        angle=_group(groups[AngleRow]),
+        normal=normal,
+        angle=angle,
         rod=_group(groups[LengthRow]),
         coupling=_couplings(mechanism, model, first_coupling),
     )

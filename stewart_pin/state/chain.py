@@ -19,13 +19,27 @@ from stewart_pin.model.motors import mark_motors
 from stewart_pin.model.sizes import length_scale
 from stewart_pin.model.tree import link_frame, mass_unit, with_masses_in
 from stewart_pin.state.generic import Generic, find_generic
-from stewart_pin.state.scratch import ScratchPool
+from stewart_pin.state.pinocchio_constraints import ConstrainedDynamics, unknown_to_pinocchio
+from stewart_pin.state.scratch import Pool, Scratch
 from stewart_pin.state.state import State
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 _WHEREVER_HOME_IS = (
     ("loop_table", "motor_index", "motor_q_index", "platform_id", "tangent_names", "length_scale")
-    + ("tangent_scale", "angle_mask", "row_sizes", "twist_sizes", "rest", "motor_rows", "platform_joint")
+    + (
+        "tangent_scale",
+        "angle_mask",
+        "row_sizes",
+        "row_scale",
+        "inertia_scale",
+        "upper_index",
+        "passive_index",
+        "row_scale",
+        "twist_sizes",
+        "rest",
+        "motor_rows",
+        "platform_joint",
+    )
     + ("platform_support", "mass_unit", "mass_model", "scratches")
 )
 """What a chain finds out about itself that is the same for every home."""
@@ -175,6 +189,27 @@ class ClosedChain:
         return sizes
 
     @cached_property
+    def row_scale(self) -> FloatArray:
+        """(nc, nv) by which a loop Jacobian is multiplied to stand in natural units [per m, m or 1]."""
+        return self.tangent_scale / self.row_sizes[:, None]
+
+    @cached_property
+    def inertia_scale(self) -> FloatArray:
+        """(nv, nv) by which an inertia matrix is multiplied to stand in natural units [m², m or 1]."""
+        return np.outer(self.tangent_scale, self.tangent_scale)
+
+    @cached_property
+    def upper_index(self) -> np.ndarray:
+        """(nv, nv) index of each entry of a symmetric matrix in the upper triangle of its flat array."""
+        i, j = np.indices((self.nv, self.nv))
+        return np.minimum(i, j) * self.nv + np.maximum(i, j)
+
+    @cached_property
+    def passive_index(self) -> np.ndarray:
+        """(nv - nu,) index of every tangent entry that no motor drives."""
+        return np.setdiff1d(np.arange(self.nv), self.motor_index)
+
+    @cached_property
     def twist_sizes(self) -> FloatArray:
         """(6,) natural size of each component of a twist: `length_scale` for velocities [m], 1 for angular ones."""
         return np.repeat([self.length_scale, 1.0], 3)
@@ -213,9 +248,39 @@ class ClosedChain:
         return self.model if self.mass_unit == 1.0 else with_masses_in(self.model, self.mass_unit)
 
     @cached_property
-    def scratches(self) -> ScratchPool:
+    def _home_quantities(self) -> dict[str, Any]:
+        """What solvers ask of home, computed once."""
+        home = State(self, self.q_home)
+        wanted = ["largest_gap", "rows", *(["pose", "P"] if self.platform is not None else [])]
+        [getattr(home, name) for name in wanted]
+        return {name: value for name, value in vars(home).items() if name != "_scratch"}
+
+    def home_state(self) -> State:
+        """Return home as a state of its own, with what solvers ask of it.
+
+        Returns
+        -------
+        State
+            At rest.
+        """
+        home = State(self, self.q_home)
+        vars(home).update(self._home_quantities)
+        return home
+
+    @cached_property
+    def scratches(self) -> Pool[Scratch]:
         """Memory for the states of this chain."""
-        return ScratchPool(self.model)
+        return Pool(lambda: Scratch(self.model))
+
+    @cached_property
+    def constrained_dynamics(self) -> Pool[ConstrainedDynamics]:
+        """Memory for Pinocchio's constrained dynamics of this chain, see `known_to_pinocchio`."""
+        return Pool(lambda: ConstrainedDynamics(self))
+
+    @cached_property
+    def known_to_pinocchio(self) -> bool:
+        """Whether Pinocchio's constrained algorithms know every loop, and none is redundant."""
+        return unknown_to_pinocchio(self) is None and self.generic.rank == self.nc
 
     @cached_property
     def generic(self) -> Generic:

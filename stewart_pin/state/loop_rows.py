@@ -25,7 +25,7 @@ maximal-coordinate system judges them by its own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,16 +35,13 @@ from stewart_pin.state.scratch import Scratch
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 
-@dataclass(frozen=True, eq=False)
-class PlacedLoops:
+class PlacedLoops(NamedTuple):
     """Loop frames in the world at one configuration, and the directions of their rows.
 
     Attributes
     ----------
-    turn1, turn2
-        (L, 3, 3) rotations of frames 1 and 2.
     origin1, origin2
-        (L, 3) their origins [m].
+        (L, 3) origins of frames 1 and 2 [m].
     normal
         (n, 3) unit normals of the normal rows.
     u1, u2
@@ -55,8 +52,6 @@ class PlacedLoops:
         (r, 3) unit vectors of the length rows; x of frame 1 where the ends coincide, and no direction is defined.
     """
 
-    turn1: FloatArray
-    turn2: FloatArray
     origin1: FloatArray
     origin2: FloatArray
     normal: FloatArray
@@ -81,27 +76,27 @@ def place_loops(table: LoopTable, scratch: Scratch) -> PlacedLoops:
     PlacedLoops
         Frames and directions, copies.
     """
-    joint1, joint2 = scratch.rotation[table.at1], scratch.rotation[table.at2]
-    turn1, turn2 = joint1 @ table.rotation1, joint2 @ table.rotation2
-    origin1 = scratch.translation[table.at1] + (joint1 @ table.translation1[:, :, None])[:, :, 0]
-    origin2 = scratch.translation[table.at2] + (joint2 @ table.translation2[:, :, None])[:, :, 0]
-    normal, angle, rod = table.normal, table.angle, table.rod
-    apart = (origin2 - origin1)[rod.loop]
+    turned = (scratch.rotation.take(table.carriers, 0) @ table.carried)[:, :, 0]
+    one, two, three, four = table.split
+    origin1 = turned[:one] + scratch.translation.take(table.at1, 0)
+    origin2 = turned[one:two] + scratch.translation.take(table.at2, 0)
+    reach, along = _NO_RODS if not table.rod.index.size else _rods(table, scratch, origin1, origin2)
+    return PlacedLoops(origin1, origin2, turned[two:three], turned[three:four], turned[four:], reach, along)
+
+
+_NO_RODS = np.zeros(0), np.zeros((0, 3))
+
+
+def _rods(
+    table: LoopTable, scratch: Scratch, origin1: FloatArray, origin2: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Distances and directions of the length rows."""
+    loop = table.rod.loop
+    apart = (origin2 - origin1)[loop]
     reach = np.sqrt((apart * apart).sum(axis=1))
-    if rod.index.size:
-        apart = np.where(reach[:, None] > 0, apart, turn1[rod.loop, :, 0])
-        apart = apart / np.where(reach > 0, reach, 1.0)[:, None]
-    return PlacedLoops(
-        turn1=turn1,
-        turn2=turn2,
-        origin1=origin1,
-        origin2=origin2,
-        normal=(turn1[normal.loop] @ normal.vector1[:, :, None])[:, :, 0],
-        u1=(turn1[angle.loop] @ angle.vector1[:, :, None])[:, :, 0],
-        u2=(turn2[angle.loop] @ angle.vector2[:, :, None])[:, :, 0],
-        reach=reach,
-        along=apart,
-    )
+    aside = (scratch.rotation[table.at1[loop]] @ table.rotation1[loop])[:, :, 0]
+    along = np.where(reach[:, None] > 0, apart, aside) / np.where(reach > 0, reach, 1.0)[:, None]
+    return reach, along
 
 
 def gap_of(table: LoopTable, at: PlacedLoops, q: Configuration) -> FloatArray:
@@ -121,16 +116,23 @@ def gap_of(table: LoopTable, at: PlacedLoops, q: Configuration) -> FloatArray:
     numpy.ndarray
         (nc,) gap [m; sines of angles, dimensionless; m or rad for couplings].
     """
-    normal, angle, rod, coupling = table.normal, table.angle, table.rod, table.coupling
-    gap = np.empty(table.size)
-    gap[normal.index] = (at.normal * (at.origin2 - at.origin1)[normal.loop]).sum(axis=1)
-    if angle.index.size:
-        gap[angle.index] = (at.u1 * at.u2).sum(axis=1)
-    if rod.index.size:
-        gap[rod.index] = at.reach - rod.length
+    normal, rod, coupling = table.normal, table.rod, table.coupling
+    gap = (at.normal * (at.origin2 - at.origin1).take(normal.loop, 0)).sum(axis=1)
+    if table.only_normals:
+        return gap
+    gap = _scattered(table, gap, (at.u1 * at.u2).sum(axis=1))
+    gap[rod.index] = at.reach - rod.length
     if coupling.index.size:
         gap[coupling.index] = q[coupling.q1] - coupling.evaluate(q, 0)
     return gap
+
+
+def _scattered(table: LoopTable, normal: FloatArray, angle: FloatArray) -> FloatArray:
+    """Put what belongs to normal and angle rows in their places; zero elsewhere."""
+    full = np.zeros((table.size, *normal.shape[1:]))
+    full[table.normal.index] = normal
+    full[table.angle.index] = angle
+    return full
 
 
 def wrenches_of(table: LoopTable, at: PlacedLoops) -> FloatArray:
@@ -148,15 +150,13 @@ def wrenches_of(table: LoopTable, at: PlacedLoops) -> FloatArray:
     numpy.ndarray
         (nc, 6) force and moment about the world origin, in world axes; zero for couplings [1, m; 1 for angle rows].
     """
-    normal, angle, rod = table.normal, table.angle, table.rod
-    wrench = np.zeros((table.size, 6))
-    wrench[normal.index, :3] = at.normal
-    wrench[normal.index, 3:] = cross(at.origin2[normal.loop], at.normal)
-    if angle.index.size:
-        wrench[angle.index, 3:] = cross(at.u2, at.u1)
-    if rod.index.size:
-        wrench[rod.index, :3] = at.along
-        wrench[rod.index, 3:] = cross(at.origin2[rod.loop], at.along)
+    normal, rod = table.normal, table.rod
+    wrench = np.concatenate([at.normal, cross(at.origin2.take(normal.loop, 0), at.normal)], axis=1)
+    if table.only_normals:
+        return wrench
+    wrench = _scattered(table, wrench, np.pad(cross(at.u2, at.u1), ((0, 0), (3, 0))))
+    wrench[rod.index, :3] = at.along
+    wrench[rod.index, 3:] = cross(at.origin2[rod.loop], at.along)
     return wrench
 
 
@@ -189,10 +189,120 @@ def jacobian_of(table: LoopTable, wrench: FloatArray, joints: FloatArray, q: Con
     return jacobian
 
 
+class MovingLoops(NamedTuple):
+    """Loop rows along a velocity.
+
+    Attributes
+    ----------
+    wrench_rate
+        (nc, 6) rate of the wrench of every row; zero for couplings [1/s, m/s].
+    twist
+        (L, 6) spatial velocity of body 2 less that of body 1, at the world origin in world axes [m/s, rad/s].
+    drift
+        (L, 6) the same of accelerations, without those of joints [m/s², rad/s²].
+    """
+
+    wrench_rate: FloatArray
+    twist: FloatArray
+    drift: FloatArray
+
+
+def move_loops(
+    table: LoopTable, at: PlacedLoops, joints: FloatArray, joint_rates: FloatArray, v: Tangent
+) -> MovingLoops:
+    """Differentiate the wrenches of the rows along a velocity.
+
+    Parameters
+    ----------
+    table
+        Loops.
+    at
+        Their frames.
+    joints, joint_rates
+        (6, nv) joint Jacobians at the world origin, and their rates [m, rad per m or rad; per s].
+    v
+        (nv,) tangent velocity [m/s, rad/s].
+
+    Returns
+    -------
+    MovingLoops
+        Rates of the wrenches, relative velocities and accelerations.
+
+    Raises
+    ------
+    SingularityError
+        If the ends of a distance loop coincide.
+    """
+    normal, angle, rod, count = table.normal, table.angle, table.rod, len(at.origin2)
+    moving = table.supports * v
+    # Spatial velocities at the world origin of the bodies on either side, frames 1 first: (2 L, 6).
+    twist, drift = moving @ joints.T, moving @ joint_rates.T
+    omega1, omega2 = twist[:count, 3:], twist[count:, 3:]
+    velocity2 = twist[count:, :3] + cross(omega2, at.origin2)
+    n, loop = at.normal, normal.loop
+    n_rate = cross(omega1.take(loop, 0), n)
+    moment_rate = cross(velocity2.take(loop, 0), n) + cross(at.origin2.take(loop, 0), n_rate)
+    rate = np.concatenate([n_rate, moment_rate], axis=1)
+    if not table.only_normals:
+        turning = cross(cross(omega2[angle.loop], at.u2), at.u1) + cross(
+            at.u2, cross(omega1[angle.loop], at.u1)
+        )
+        rate = _scattered(table, rate, np.pad(turning, ((0, 0), (3, 0))))
+    if rod.index.size:
+        if not at.reach.all():
+            culprit = table.names[int(rod.index[np.argmin(at.reach)])].rsplit(" row ", 1)[0]
+            raise SingularityError(
+                f"the ends of the distance loop '{culprit}' coincide, so its direction is undefined; close it first",
+                smallest_singular_value=0.0,
+            )
+        apart = (velocity2 - twist[:count, :3] - cross(omega1, at.origin1))[rod.loop]
+        along = at.along
+        e_rate = (apart - along * (along * apart).sum(axis=1)[:, None]) / at.reach[:, None]
+        rate[rod.index, :3] = e_rate
+        rate[rod.index, 3:] = cross(velocity2[rod.loop], along) + cross(at.origin2[rod.loop], e_rate)
+    return MovingLoops(rate, twist[count:] - twist[:count], drift[count:] - drift[:count])
+
+
+def bias_of(
+    table: LoopTable, wrench: FloatArray, moving: MovingLoops, q: Configuration, v: Tangent
+) -> FloatArray:
+    """Evaluate the second derivative of the gap that is there without acceleration, J̇_c v.
+
+    Parameters
+    ----------
+    table
+        Loops.
+    wrench
+        (nc, 6) of the rows [1, m].
+    moving
+        What moves them.
+    q
+        (nq,) configuration, for the couplings [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity [m/s, rad/s].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nc,) bias [m/s² and 1/s²].
+    """
+    loop = table.row_loop
+    if not len(moving.twist):
+        bias = np.zeros(table.size)
+    else:
+        bias = (moving.wrench_rate * moving.twist.take(loop, 0) + wrench * moving.drift.take(loop, 0)).sum(
+            axis=1
+        )
+    coupling = table.coupling
+    if coupling.index.size:
+        bias[coupling.index] = -coupling.evaluate(q, 2) * np.where(coupling.v2 >= 0, v[coupling.v2], 0.0) ** 2
+    return bias
+
+
 def jacobian_rate_of(
     table: LoopTable,
-    at: PlacedLoops,
     wrench: FloatArray,
+    moving: MovingLoops,
     joints: FloatArray,
     joint_rates: FloatArray,
     q: Configuration,
@@ -204,10 +314,10 @@ def jacobian_rate_of(
     ----------
     table
         Loops.
-    at
-        Their frames.
     wrench
         (nc, 6) of the rows [1, m].
+    moving
+        What moves them.
     joints, joint_rates
         (6, nv) joint Jacobians at the world origin, and their rates [m, rad per m or rad; per s].
     q
@@ -219,38 +329,9 @@ def jacobian_rate_of(
     -------
     numpy.ndarray
         (nc, nv) such that the second derivative of the gap is ``jacobian @ a + rate @ v`` [per s].
-
-    Raises
-    ------
-    SingularityError
-        If the ends of a distance loop coincide.
     """
-    normal, angle, rod, coupling = table.normal, table.angle, table.rod, table.coupling
-    # Spatial velocities at the world origin of the bodies on either side, (L, 6).
-    twist1, twist2 = ((joints @ (side * v).T).T for side in (table.support1, table.support2))
-    omega1, omega2 = twist1[:, 3:], twist2[:, 3:]
-    velocity2 = twist2[:, :3] + cross(omega2, at.origin2)
-    rate = np.zeros((table.size, 6))
-    n_rate = cross(omega1[normal.loop], at.normal)
-    rate[normal.index, :3] = n_rate
-    rate[normal.index, 3:] = cross(velocity2[normal.loop], at.normal) + cross(at.origin2[normal.loop], n_rate)
-    if angle.index.size:
-        rate[angle.index, 3:] = cross(cross(omega2[angle.loop], at.u2), at.u1) + cross(
-            at.u2, cross(omega1[angle.loop], at.u1)
-        )
-    if rod.index.size:
-        if not at.reach.all():
-            culprit = table.names[int(rod.index[np.argmin(at.reach)])].rsplit(" row ", 1)[0]
-            raise SingularityError(
-                f"the ends of the distance loop '{culprit}' coincide, so its direction is undefined; close it first",
-                smallest_singular_value=0.0,
-            )
-        apart = (velocity2 - twist1[:, :3] - cross(omega1, at.origin1))[rod.loop]
-        along = at.along
-        e_rate = (apart - along * (along * apart).sum(axis=1)[:, None]) / at.reach[:, None]
-        rate[rod.index, :3] = e_rate
-        rate[rod.index, 3:] = cross(velocity2[rod.loop], along) + cross(at.origin2[rod.loop], e_rate)
-    jacobian_rate = (rate @ joints + wrench @ joint_rates) * table.row_difference
+    jacobian_rate = (moving.wrench_rate @ joints + wrench @ joint_rates) * table.row_difference
+    coupling = table.coupling
     if coupling.index.size:
         follows = coupling.v2 >= 0
         curve = coupling.evaluate(q, 2) * np.where(follows, v[coupling.v2], 0.0)
@@ -258,30 +339,31 @@ def jacobian_rate_of(
     return jacobian_rate
 
 
-def opposed_loops(table: LoopTable, at: PlacedLoops) -> list[int]:
+def opposed_loops(table: LoopTable, scratch: Scratch) -> list[int]:
     """Find loops whose rows may vanish although they are not assembled: directions that should agree are opposed.
 
     Parameters
     ----------
     table
         Loops.
-    at
-        Their frames.
+    scratch
+        Scratch that holds the joint placements.
 
     Returns
     -------
     list of int
         Numbers of these loops.
     """
-    if not table.aligned.size:
+    loop, direction = table.aligned, table.directions[:, :, None]
+    if not loop.size:
         return []
-    direction = table.directions[:, :, None]
-    agreement = ((at.turn1[table.aligned] @ direction) * (at.turn2[table.aligned] @ direction)).sum(axis=1)
-    return [int(loop) for loop in table.aligned[agreement[:, 0] < 0]]
+    one = scratch.rotation[table.at1[loop]] @ (table.rotation1[loop] @ direction)
+    two = scratch.rotation[table.at2[loop]] @ (table.rotation2[loop] @ direction)
+    return [int(number) for number in loop[(one * two).sum(axis=1)[:, 0] < 0]]
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Multiply vectors row by row; `numpy.cross` takes ten times as long for a few rows.
+    """Multiply vectors row by row; `numpy.cross` takes eight times as long for a few rows.
 
     Parameters
     ----------
@@ -293,10 +375,7 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     numpy.ndarray
         (n, 3) a × b, in any unit.
     """
-    product = np.empty((len(a), 3))
-    a0, a1, a2 = a[:, 0], a[:, 1], a[:, 2]
-    b0, b1, b2 = b[:, 0], b[:, 1], b[:, 2]
-    np.subtract(a1 * b2, a2 * b1, out=product[:, 0])
-    np.subtract(a2 * b0, a0 * b2, out=product[:, 1])
-    np.subtract(a0 * b1, a1 * b0, out=product[:, 2])
-    return product
+    return a.take(_NEXT, 1) * b.take(_LAST, 1) - a.take(_LAST, 1) * b.take(_NEXT, 1)
+
+
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])

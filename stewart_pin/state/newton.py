@@ -17,7 +17,6 @@ import pinocchio as pin
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import ClosureError, InputError
 from stewart_pin.state.chain import ClosedChain, as_configuration
-from stewart_pin.state.loop_rows import opposed_loops
 from stewart_pin.state.state import State
 from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
@@ -303,7 +302,7 @@ def judged(
     if not _largest(residual) <= max(tolerance, state.round_off):
         reason = f"the residual is {gap:.3g} [m or rad]"
     else:
-        opposed = opposed_loops(state.chain.loop_table, state.loops)
+        opposed = state.opposed()
         if opposed:
             reason = (
                 f"loop '{state.chain.loops[opposed[0]].name}' closes only with its axes against each other"

@@ -2,15 +2,72 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import JointKind
-from stewart_pin.state.chain import ClosedChain
-from stewart_pin.typing import FloatArray
+from stewart_pin.typing import Configuration, FloatArray, Tangent
 
+if TYPE_CHECKING:
+    from stewart_pin.state.chain import ClosedChain
+
+_PROXIMAL = pin.ProximalSettings(1e-14, 0.0, 1)
+"""No regularisation, one step: the loops' rows are independent where these algorithms are used."""
+_NEAR_MASSLESS = 1e-8
+"""Share of a joint's inertia that is left to it while all others move freely, below which a body lacks mass."""
 _TYPES = {JointKind.SPHERICAL: pin.ContactType.CONTACT_3D, JointKind.FIXED: pin.ContactType.CONTACT_6D}
+
+
+class ConstrainedDynamics:
+    """Memory of `pinocchio.constraintDynamics` for one chain; for one thread at a time.
+
+    Its data are used for nothing else: other algorithms would leave desired accelerations behind in them.
+
+    Parameters
+    ----------
+    chain
+        Closed chain whose loops are spherical or fixed, and not redundant.
+    """
+
+    def __init__(self, chain: ClosedChain) -> None:
+        self._unit, self._model = chain.mass_unit, chain.mass_model
+        self._data, self._models = pin.Data(self._model), constraint_models(chain)
+        self._datas = pin.StdVec_RigidConstraintData()
+        for model in self._models:
+            self._datas.append(model.createData())
+        pin.initConstraintDynamics(self._model, self._data, self._models, self._datas)
+
+    def accelerate(self, q: Configuration, v: Tangent, tau: Tangent) -> tuple[Tangent, FloatArray] | None:
+        """Solve for acceleration and multipliers.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+        tau
+            (nv,) joint efforts [N, N m].
+
+        Returns
+        -------
+        a : numpy.ndarray
+            (nv,) tangent acceleration [m/s², rad/s²].
+        lambda_c : numpy.ndarray
+            (nc,) Pinocchio's multipliers, see `reactions_from_pinocchio` [N, N m].
+
+        None if the inertia matrix of the open loops is next to singular: the algorithm starts by its inverse.
+        """
+        data, unit = self._data, self._unit
+        a = pin.constraintDynamics(self._model, data, q, v, tau / unit, self._models, self._datas, _PROXIMAL)
+        # Elimination leaves every joint the inertia that it has while the joints above it move freely.
+        left, own = data.constraint_chol.D[-self._model.nv :], data.M.diagonal()
+        if not (left > _NEAR_MASSLESS * own).all():
+            return None
+        return np.array(a), unit * data.lambda_c
 
 
 def constraint_models(chain: ClosedChain) -> pin.StdVec_RigidConstraintModel:
@@ -31,19 +88,12 @@ def constraint_models(chain: ClosedChain) -> pin.StdVec_RigidConstraintModel:
     UnsupportedError
         If a loop is of another kind, or joints are coupled.
     """
-    for coupling in chain.couplings:
-        raise UnsupportedError(
-            f"coupling '{coupling.name}' of joint '{coupling.joint1}' is not known to Pinocchio's constrained "
-            "algorithms; use method='projection'"
-        )
+    unknown = unknown_to_pinocchio(chain)
+    if unknown is not None:
+        raise UnsupportedError(f"{unknown}; use method='projection'")
     table = chain.loop_table
     models = pin.StdVec_RigidConstraintModel()
     for k, loop in enumerate(chain.loops):
-        if loop.kind not in _TYPES:
-            raise UnsupportedError(
-                f"loop '{loop.name}' is {loop.kind}; Pinocchio's constrained algorithms know spherical and fixed "
-                "loops; use method='projection'"
-            )
         models.append(
             pin.RigidConstraintModel(
                 _TYPES[loop.kind],
@@ -56,6 +106,31 @@ def constraint_models(chain: ClosedChain) -> pin.StdVec_RigidConstraintModel:
             )
         )
     return models
+
+
+def unknown_to_pinocchio(chain: ClosedChain) -> str | None:
+    """Find what Pinocchio's constrained algorithms do not know.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    str or None
+        What it is, in words; None if they know all loops.
+    """
+    for coupling in chain.couplings:
+        return (
+            f"coupling '{coupling.name}' of joint '{coupling.joint1}' is not known to Pinocchio's constrained "
+            "algorithms"
+        )
+    for loop in chain.loops:
+        if loop.kind not in _TYPES:
+            known = "Pinocchio's constrained algorithms know spherical and fixed loops"
+            return f"loop '{loop.name}' is {loop.kind}; {known}"
+    return None
 
 
 def reactions_from_pinocchio(chain: ClosedChain, lambda_c: FloatArray) -> FloatArray:
@@ -76,6 +151,8 @@ def reactions_from_pinocchio(chain: ClosedChain, lambda_c: FloatArray) -> FloatA
     table = chain.loop_table
     # Pinocchio's Jacobian is minus the derivative of the gap.
     reactions = -lambda_c
+    if table.only_normals:
+        return reactions
     # Normal rows are x, y, z in either convention; the angle rows of a closed loop turn about u2 × u1.
     axes = np.cross(table.angle.vector2, table.angle.vector1)
     for row, loop, axis in zip(table.angle.index, table.angle.loop, axes, strict=True):

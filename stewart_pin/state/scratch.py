@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import NoReturn
+from collections.abc import Callable
+from typing import Generic, NoReturn, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
+T = TypeVar("T")
+
 _POOL = 8
-"""Scratches that a chain keeps for its next states."""
+"""Memories that a chain keeps for its next states."""
 
 
 class Scratch:
@@ -77,41 +80,41 @@ class Scratch:
         return self.data.J.reshape(6, -1), self.data.dJ.reshape(6, -1)
 
 
-class ScratchPool:
-    """Scratches of one chain that no state uses at the moment; safe for any number of threads.
+class Pool(Generic[T]):
+    """Memory of one chain that nobody uses at the moment; safe for any number of threads.
 
     Parameters
     ----------
-    model
-        Model of the chain.
+    make
+        Makes another one.
     """
 
-    def __init__(self, model: pin.Model) -> None:
-        self._model = model
-        self._free: deque[Scratch] = deque(maxlen=_POOL)  # append and pop are atomic
+    def __init__(self, make: Callable[[], T]) -> None:
+        self._make = make
+        self._free: deque[T] = deque(maxlen=_POOL)  # append and pop are atomic
 
-    def take(self) -> Scratch:
-        """Return a scratch that nobody uses.
+    def take(self) -> T:
+        """Return one that nobody uses.
 
         Returns
         -------
-        Scratch
+        object
             To be given back.
         """
         try:
             return self._free.pop()
         except IndexError:
-            return Scratch(self._model)
+            return self._make()
 
-    def give(self, scratch: Scratch) -> None:
-        """Take a scratch back.
+    def give(self, memory: T) -> None:
+        """Take one back.
 
         Parameters
         ----------
-        scratch
+        memory
             What `take` gave.
         """
-        self._free.append(scratch)
+        self._free.append(memory)
 
 
 def _views(data: pin.Data) -> tuple[FloatArray, FloatArray]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,22 +11,28 @@ from scipy.linalg import lapack
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.state.freedom import Freedom, Motions, split_motions
 from stewart_pin.state.loop_rows import (
+    MovingLoops,
     PlacedLoops,
+    bias_of,
     gap_of,
     jacobian_of,
     jacobian_rate_of,
+    move_loops,
     opposed_loops,
     place_loops,
     wrenches_of,
 )
+from stewart_pin.state.once import once
 from stewart_pin.state.platform import platform_jacobian, platform_jacobian_rate
 from stewart_pin.state.scratch import Scratch
-from stewart_pin.tolerances import CONSISTENT, DIGITS, EPS, ROUND_OFF_STEPS, SINGULAR
+from stewart_pin.tolerances import CONSISTENT, DIGITS, EPS, NO_INERTIA, ROUND_OFF_STEPS, SINGULAR
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 if TYPE_CHECKING:
     from stewart_pin.state.chain import ClosedChain
 
+_SMALL = CONSISTENT**2
+"""Sum of squares below which no entry is larger than `CONSISTENT`."""
 _FAR_FROM_SINGULAR = 1e-4
 """Reciprocal condition number of the rows of loops and motors from which on no singularity is near: a hundred times
 `SINGULAR`, since it is estimated, in another norm."""
@@ -86,72 +91,71 @@ class State:
 
     # -- placements and loops ------------------------------------------------------------------------------------
 
-    @cached_property
+    @once
     def _scratch(self) -> Scratch:
         return self.chain.scratches.take()
 
-    @cached_property
+    @once
     def _joints(self) -> FloatArray:
         """(6, nv) joint Jacobians at the world origin; placing the joints for all that follows."""
         return self._scratch.place(self.q)
 
-    @cached_property
+    @once
     def loops(self) -> PlacedLoops:
         """Loop frames in the world."""
         self._joints  # noqa: B018 - places the joints
         return place_loops(self.chain.loop_table, self._scratch)
 
-    @cached_property
+    @once
     def gap(self) -> FloatArray:
         """(nc,) residual of the loops, in loop frame 1, then of the couplings [m; sines of angles; m or rad]."""
         return gap_of(self.chain.loop_table, self.loops, self.q)
 
-    @cached_property
+    @once
     def row_wrenches(self) -> FloatArray:
         """(nc, 6) what a unit of each reaction does to link 2, about the world origin, in world axes [1, m]."""
         return wrenches_of(self.chain.loop_table, self.loops)
 
-    @cached_property
+    @once
     def J_c(self) -> FloatArray:
         """(nc, nv) loop Jacobian, the rate of the gap per tangent velocity [m and 1 per m or rad]."""
         return jacobian_of(self.chain.loop_table, self.row_wrenches, self._joints, self.q)
 
-    @cached_property
+    @once
     def _joint_rates(self) -> FloatArray:
         """(6, nv) rates of the joint Jacobians."""
         return np.array(self._scratch.place_rates(self.q, self.v)[1])
 
-    @cached_property
+    @once
+    def moving_loops(self) -> MovingLoops:
+        """How the loop rows move along the velocity."""
+        table = self.chain.loop_table
+        return move_loops(table, self.loops, self._joints, self._joint_rates, self.v)
+
+    @once
     def J_c_rate(self) -> FloatArray:
         """(nc, nv) rate of the loop Jacobian along the velocity [per s]."""
-        return jacobian_rate_of(
-            self.chain.loop_table,
-            self.loops,
-            self.row_wrenches,
-            self._joints,
-            self._joint_rates,
-            self.q,
-            self.v,
-        )
+        given = self.row_wrenches, self.moving_loops, self._joints, self._joint_rates, self.q, self.v
+        return jacobian_rate_of(self.chain.loop_table, *given)
 
-    @cached_property
+    @once
     def loop_bias(self) -> FloatArray:
         """(nc,) second derivative of the gap that is there without acceleration [m/s² and 1/s²]."""
-        if not self.v.any():
+        if self.v is self.chain.rest or not self.v.any():
             return np.zeros(self.chain.nc)
-        return self.J_c_rate @ self.v
+        return bias_of(self.chain.loop_table, self.row_wrenches, self.moving_loops, self.q, self.v)
 
-    @cached_property
+    @once
     def relative_gap(self) -> FloatArray:
-        """(nc,) size of the gap, in robot sizes and radians, dimensionless."""
-        return np.abs(self.gap) / self.chain.row_sizes
+        """(nc,) gap in robot sizes and radians, dimensionless."""
+        return self.gap / self.chain.row_sizes
 
-    @property
+    @once
     def largest_gap(self) -> float:
         """Largest entry of the gap, in robot sizes or radians, dimensionless."""
-        return float(self.relative_gap.max(initial=0.0))
+        return float(np.abs(self.relative_gap).max()) if self.chain.nc else 0.0
 
-    @cached_property
+    @once
     def round_off(self) -> float:
         """What round-off makes of a gap, in robot sizes, dimensionless: more where the robot stands far away."""
         reach = float(np.abs(self.loops.origin2).max(initial=0.0))
@@ -159,7 +163,7 @@ class State:
 
     # -- platform ------------------------------------------------------------------------------------------------
 
-    @cached_property
+    @once
     def pose(self) -> pin.SE3:
         """Platform frame in the world, oMp."""
         self._joints  # noqa: B018 - places the joints
@@ -167,52 +171,52 @@ class State:
         data = self._scratch
         return pin.SE3(np.array(data.rotation[joint]), np.array(data.translation[joint])) * placement
 
-    @cached_property
+    @once
     def P(self) -> FloatArray:
         """(6, nv) platform Jacobian: twist [v; ω] of its origin, world axes, per tangent rate [m, rad per m or rad]."""
         return platform_jacobian(self.chain, self._joints, self.pose.translation)
 
-    @cached_property
+    @once
     def P_rate(self) -> FloatArray:
         """(6, nv) its rate along the velocity [per s]."""
         return platform_jacobian_rate(
             self.chain, self._joints, self._joint_rates, self.pose.translation, self.v
         )
 
-    @cached_property
+    @once
     def twist(self) -> FloatArray:
         """(6,) twist [v; ω] of the platform origin, world axes [m/s, rad/s]."""
         return self.P @ self.v
 
-    @cached_property
+    @once
     def platform_bias(self) -> FloatArray:
         """(6,) acceleration of the platform origin, and angular, without tangent acceleration [m/s², rad/s²]."""
         return self.P_rate @ self.v if self.v.any() else np.zeros(6)
 
     # -- dynamics of the tree ------------------------------------------------------------------------------------
 
-    @cached_property
+    @once
     def M(self) -> FloatArray:
         """(nv, nv) inertia matrix of the spanning tree, both halves [kg, kg m, kg m²]."""
-        chain, model = self.chain, self.chain.mass_model
-        upper = np.triu(np.reshape(pin.crba(model, self._scratch.data, self.q), (chain.nv, chain.nv)))
-        return chain.mass_unit * (upper + np.triu(upper, 1).T)
+        chain = self.chain
+        # Pinocchio fills the upper triangle only.
+        matrix = np.ravel(pin.crba(chain.mass_model, self._scratch.data, self.q)).take(chain.upper_index)
+        return matrix if chain.mass_unit == 1.0 else chain.mass_unit * matrix
 
-    @cached_property
+    @once
     def nle(self) -> FloatArray:
         """(nv,) joint efforts without acceleration: against weight, Coriolis and centrifugal forces [N, N m]."""
         chain = self.chain
-        efforts = pin.nonLinearEffects(chain.mass_model, self._scratch.data, self.q, self.v)
-        return chain.mass_unit * np.array(efforts)
+        return chain.mass_unit * pin.nonLinearEffects(chain.mass_model, self._scratch.data, self.q, self.v)
 
-    @cached_property
+    @once
     def weight(self) -> FloatArray:
         """(nv,) joint efforts against weight alone [N, N m]."""
         chain = self.chain
         efforts = pin.computeGeneralizedGravity(chain.mass_model, self._scratch.data, self.q)
         return chain.mass_unit * np.array(efforts)
 
-    @cached_property
+    @once
     def coriolis(self) -> FloatArray:
         """(nv, nv) Coriolis matrix C of the tree; the rate of M is C + Cᵀ [kg/s, kg m/s, kg m²/s]."""
         chain = self.chain
@@ -233,30 +237,55 @@ class State:
             (nv,) [N, N m].
         """
         chain = self.chain
-        return chain.mass_unit * np.array(pin.rnea(chain.mass_model, self._scratch.data, self.q, self.v, a))
+        return chain.mass_unit * pin.rnea(chain.mass_model, self._scratch.data, self.q, self.v, a)
 
     # -- freedom -------------------------------------------------------------------------------------------------
 
-    @cached_property
+    @once
     def rows(self) -> FloatArray:
         """(nc, nv) loop Jacobian in natural units, dimensionless."""
         chain = self.chain
-        return self.J_c * chain.tangent_scale / chain.row_sizes[:, None]
+        return self.J_c * chain.row_scale
 
-    @cached_property
+    @once
     def motions(self) -> Motions:
         """The motions that the loops leave, exactly as many as the mechanism has."""
         return split_motions(self.rows, self.chain.generic.rank)
 
-    @cached_property
+    @once
     def freedom(self) -> Freedom:
         """Which of the motions the motors hold, and which move nothing that matters."""
         return Freedom.of(self)
 
-    @cached_property
+    @once
     def drive(self) -> Drive | None:
         """Rows of loops and motors factorised, where they determine every motion and are far from singular."""
-        return Drive.of(self) if self.chain.generic.motors_determine else None
+        return Drive.of(self) if self.chain.generic.motors_determine and self.chain.nu else None
+
+    @once
+    def inertia(self) -> FloatArray:
+        """(nv, nv) inertia matrix of the spanning tree per natural unit of motion [kg m²]."""
+        return self.M * self.chain.inertia_scale
+
+    @once
+    def motor_motions(self) -> FloatArray:
+        """(nv, nu) motion per motor rate, the loops closed; needs `drive`, dimensionless."""
+        assert self.drive is not None
+        return self.drive.motions()
+
+    @once
+    def drift(self) -> Tangent:
+        """(nv,) acceleration that is there without that of the motors; needs `drive`, dimensionless."""
+        assert self.drive is not None
+        return self.drive.across(-self.loop_bias / self.chain.row_sizes)
+
+    @once
+    def motor_inertia(self) -> FloatArray | None:
+        """(nu, nu) Cholesky factor of the inertia that motors feel; None where one has none; needs `drive` [kg m²]."""
+        G = self.motor_motions
+        factor, failed = lapack.dpotrf(G.T @ (self.inertia @ G), lower=1)
+        diagonal = factor.diagonal()
+        return None if failed or diagonal.min() ** 2 <= NO_INERTIA * diagonal.max() ** 2 else factor
 
     # -- checks --------------------------------------------------------------------------------------------------
 
@@ -334,23 +363,34 @@ class State:
         self.require_moving()
         return self._accelerating
 
-    @cached_property
+    def opposed(self) -> list[int]:
+        """Find loops that are closed with their axes against each other.
+
+        Returns
+        -------
+        list of int
+            Numbers of these loops.
+        """
+        self._joints  # noqa: B018 - places the joints
+        return opposed_loops(self.chain.loop_table, self._scratch)
+
+    @once
     def _closed(self) -> bool:
         worst = self.largest_gap
         if worst > CONSISTENT:
-            row = int(np.argmax(self.relative_gap))
+            row = int(np.argmax(np.abs(self.relative_gap)))
             raise InputError(
                 f"q does not keep the loops closed: {abs(self.gap[row]):.3g} is left over in "
                 f"{self.chain.loop_table.names[row]}; see close_loops"
             )
-        opposed = opposed_loops(self.chain.loop_table, self.loops)
+        opposed = self.opposed()
         if opposed:
             raise InputError(
                 f"q holds loop '{self.chain.loops[opposed[0]].name}' with its axes against each other; see close_loops"
             )
         return True
 
-    @cached_property
+    @once
     def _regular(self) -> bool:
         measure, usual = self.motions.smallest, self.chain.generic.usual_loops
         if measure < SINGULAR * usual:
@@ -364,44 +404,58 @@ class State:
             )
         return True
 
-    @cached_property
+    @once
     def _moving(self) -> bool:
-        _require_small(self.chain, self.J_c @ self.v, self.v, "v")
+        left = self.rows.dot(self.v / self.chain.tangent_scale)
+        if not left.dot(left) <= _SMALL:
+            _require_small(self, left, self.v, "v")
         return True
 
-    @cached_property
+    @once
     def _accelerating(self) -> Tangent:
         a = self.a
         if a is None:
             raise InputError(
                 "the state has a velocity, but no acceleration; pass a, or chain.at(q, v, a); see platform_motion"
             )
-        _require_small(self.chain, self.J_c @ a + self.loop_bias, a, "a")
+        left = self.rows.dot(a / self.chain.tangent_scale) + self.loop_bias / self.chain.row_sizes
+        if not left.dot(left) <= _SMALL:
+            _require_small(self, left, a, "a")
         return a
 
 
 class Drive:
-    """The square system of loop rows and motor rows in natural units, [J_c; S], factorised.
+    """The square system of loop rows and motor rows in natural units, [J_c; S], by its passive block P.
 
-    It exists where there are as many motors as freedoms, no idle ones and no redundant rows, and where its condition is
-    so good that no singularity can be near; elsewhere singular values decide, in `Freedom`.
+    With J_c = [P | Q] for passive joints and motors, the motion of motor rates u and row rates r is
+    P⁻¹ (r - Q u) for the former. It exists where there are as many motors as freedoms, no idle ones and no redundant
+    rows, and where its condition is so good that no singularity can be near; elsewhere singular values decide, in
+    `Freedom`.
 
     Parameters
     ----------
-    matrix
-        (nv, nv) rows of loops and motors, dimensionless.
+    chain
+        The chain.
+    across
+        (nc, nu) Q, dimensionless.
     factors
-        (nv, nv) its LU factors, dimensionless.
+        (nc, nc) LU factors of P, dimensionless.
     pivots
-        (nv,) index of the row exchanged at each step.
+        (nc,) index of the row exchanged at each step.
     regularity
-        Estimated reciprocal of its condition number.
+        Estimated reciprocal of the condition number of P.
     """
 
     def __init__(
-        self, matrix: FloatArray, factors: FloatArray, pivots: np.ndarray, regularity: float
+        self,
+        chain: ClosedChain,
+        across: FloatArray,
+        factors: FloatArray,
+        pivots: np.ndarray,
+        regularity: float,
     ) -> None:
-        self.matrix, self.regularity = matrix, regularity
+        self.regularity = regularity
+        self._passive, self._motors, self._across = chain.passive_index, chain.motor_index, across
         self._factors, self._pivots = factors, pivots
 
     @staticmethod
@@ -418,43 +472,69 @@ class Drive:
         Drive or None
             The factors.
         """
-        matrix = np.concatenate([state.rows, state.chain.motor_rows])
-        norm = np.abs(matrix).sum(axis=0).max()
-        factors, pivots, info = lapack.dgetrf(matrix)
+        chain, rows = state.chain, state.rows
+        passive, across = rows.take(chain.passive_index, 1), rows.take(chain.motor_index, 1)
+        if not chain.nc:
+            return Drive(chain, across, passive, np.zeros(0, dtype=np.int32), 1.0)
+        factors, pivots, info = lapack.dgetrf(passive)
         if info:
             return None
-        regularity = float(lapack.dgecon(factors, norm)[0])
-        return Drive(matrix, factors, pivots, regularity) if regularity > _FAR_FROM_SINGULAR else None
+        regularity = float(lapack.dgecon(factors, lapack.dlange("1", passive))[0])
+        return Drive(chain, across, factors, pivots, regularity) if regularity > _FAR_FROM_SINGULAR else None
 
-    def solve(self, right: FloatArray) -> FloatArray:
-        """Find the motion with given rates of loop rows and motors.
+    def motions(self) -> FloatArray:
+        """Move with one motor at a time.
+
+        Returns
+        -------
+        numpy.ndarray
+            (nv, nu), dimensionless.
+        """
+        count = self._motors.size
+        G = np.zeros((self._passive.size + count, count))
+        G[self._motors] = np.eye(count)
+        if self._passive.size:
+            G[self._passive] = -lapack.dgetrs(self._factors, self._pivots, self._across)[0]
+        return G
+
+    def across(self, rates: FloatArray) -> FloatArray:
+        """Find the motion with given rates of loop rows and the motors at rest.
 
         Parameters
         ----------
-        right
-            (nc + nu,) or (nc + nu, k), dimensionless.
+        rates
+            (nc,) or (nc, k), dimensionless.
 
         Returns
         -------
         numpy.ndarray
             (nv,) or (nv, k), dimensionless.
         """
-        return lapack.dgetrs(self._factors, self._pivots, right)[0]
+        motion = np.zeros((self._passive.size + self._motors.size, *rates.shape[1:]))
+        if self._passive.size:
+            motion[self._passive] = lapack.dgetrs(self._factors, self._pivots, rates)[0]
+        return motion
 
-    def solve_transposed(self, right: FloatArray) -> FloatArray:
-        """Find the multipliers of loop rows and motors that make given efforts.
+    def carry(self, efforts: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Find the reactions of loop rows and the motor efforts that make given efforts of the tree.
 
         Parameters
         ----------
-        right
-            (nv,) or (nv, k), dimensionless.
+        efforts
+            (nv,), dimensionless.
 
         Returns
         -------
-        numpy.ndarray
-            (nc + nu,) or (nc + nu, k), dimensionless.
+        reactions : numpy.ndarray
+            (nc,), dimensionless.
+        motors : numpy.ndarray
+            (nu,), dimensionless.
         """
-        return lapack.dgetrs(self._factors, self._pivots, right, trans=1)[0]
+        motors = efforts.take(self._motors)
+        if not self._passive.size:
+            return np.zeros(0), motors
+        reactions = lapack.dgetrs(self._factors, self._pivots, efforts.take(self._passive), trans=1)[0]
+        return reactions, motors - reactions @ self._across
 
 
 def as_state(
@@ -546,13 +626,14 @@ def named_motion(chain: ClosedChain, direction: FloatArray) -> str:
     )
 
 
-def _require_small(chain: ClosedChain, left: FloatArray, value: Tangent, name: str) -> None:
-    relative = np.abs(left) / chain.row_sizes
-    worst = float(relative.max(initial=0.0))
-    if worst > CONSISTENT and worst > CONSISTENT * float(np.abs(value / chain.tangent_scale).max()):
-        row = int(np.argmax(relative))
+def _require_small(state: State, left: FloatArray, value: Tangent, name: str) -> None:
+    """Refuse what opens the loops, told relative to its size where that is more than one."""
+    chain = state.chain
+    worst = float(np.abs(left).max())
+    if worst > CONSISTENT * max(1.0, float(np.abs(value / chain.tangent_scale).max())):
+        row = int(np.argmax(np.abs(left)))
         raise InputError(
-            f"{name} does not keep the loops closed: {abs(left[row]):.3g} is left over in "
+            f"{name} does not keep the loops closed: {abs(left[row]) * chain.row_sizes[row]:.3g} is left over in "
             f"{chain.loop_table.names[row]}; see platform_motion"
         )
 

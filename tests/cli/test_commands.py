@@ -53,7 +53,7 @@ def test_inspect_tells_the_mobility(tmp_path: Path) -> None:
     answer = run("inspect", "stewart_sps", "--json", str(figures))
     assert answer.returncode == 0, answer.stderr
     assert "leg 3: spin about its axis" in answer.stdout
-    assert "12, at home and at 4 of 4 random" in answer.stdout
+    assert "12, at home and at 5 random" in answer.stdout
     assert json.loads(figures.read_text())["mobility"]["dof"] == 12
 
 

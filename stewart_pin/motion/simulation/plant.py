@@ -240,9 +240,10 @@ class Plant:
             return q, v, 0.0
         spread = self._spread(state)
         v = v - spread(state.J_c[self.rows] @ v)
-        worst = state.largest_gap
+        worst, before = state.largest_gap, np.inf
         for count in range(_MAX_STEPS):
-            if worst <= max(CLOSED, state.round_off):
+            # On to round-off: what each of thousands of steps left over would add up.
+            if worst <= CLOSED / 10 or (worst <= max(CLOSED, state.round_off) and worst > before / 10):
                 if count > 1:  # the loops stand elsewhere than where v was projected
                     v = v - self._spread(state)(state.J_c[self.rows] @ v)
                 return np.array(state.q), v, float(np.abs(state.gap).max())
@@ -252,7 +253,7 @@ class Plant:
             # A factorisation from before the step does as long as it wins a factor of ten.
             if count and not worst < before / 10:
                 spread = self._spread(state)
-        row = int(np.argmax(state.relative_gap)) if np.isfinite(state.gap).all() else 0
+        row = int(np.argmax(np.abs(state.relative_gap))) if np.isfinite(state.gap).all() else 0
         raise ClosureError(
             f"{self.chain.loop_table.names[row]} does not close: {abs(state.gap[row]):.3g} left",
             residual=float(np.abs(state.gap).max()),
