@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-from scipy.linalg import lapack
+from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.checks import as_array
 from stewart_pin.errors import ConvergenceError, InputError, SingularityError, UnsupportedError
@@ -22,6 +22,8 @@ from stewart_pin.state.pinocchio_constraints import reactions_from_pinocchio, un
 from stewart_pin.state.state import Drive, State, as_state, named_motion
 from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
+
+(_potrs,) = get_lapack_funcs(("potrs",), dtype=np.float64)
 
 Method = Literal["projection", "constraint_dynamics"]
 
@@ -99,7 +101,7 @@ def forward_dynamics(
 def _by_drive(state: State, drive: Drive, factor: FloatArray, push: FloatArray) -> Motion:
     """Move along the motors: M_x ẍ = Gᵀ(push - M a_0); natural units."""
     chain, inertia, G, start = state.chain, state.inertia, state.motor_motions, state.drift
-    rates = lapack.dpotrs(factor, (push - inertia @ start) @ G, lower=1)[0]
+    rates = _potrs(factor, (push - inertia @ start) @ G, lower=1)[0]
     a = start + G @ rates
     lambda_c = drive.carry(inertia @ a - push)[0] / chain.row_sizes
     return Motion(a=a * chain.tangent_scale, lambda_c=lambda_c)

@@ -7,7 +7,7 @@ from typing import Literal, overload
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import lapack
+from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.checks import as_array
 from stewart_pin.errors import ClosureError, SingularityError, UnreachableError
@@ -21,6 +21,7 @@ from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
+_getrf, _gecon, _getrs = get_lapack_funcs(("getrf", "gecon", "getrs"), dtype=np.float64)
 _CONSISTENT = 1e-8
 """Part of a demanded motion that may be left over by round-off, relative to its size."""
 _AT_LIMIT = 1e-9
@@ -282,9 +283,9 @@ class _Follower:
         self._rows = state.P * self._scale / self._sizes[:, None]
         if usual.rank == chain.nc and chain.nv == chain.nc + 6 == usual.rank + usual.count.platform:
             matrix = np.concatenate([state.rows, self._rows])
-            factors, pivots, info = lapack.dgetrf(matrix)
+            factors, pivots, info = _getrf(matrix)
             norm = np.abs(matrix).sum(axis=0).max()
-            if info == 0 and lapack.dgecon(factors, norm)[0] > max(_FAR_FROM_SINGULAR, state.largest_gap):
+            if info == 0 and _gecon(factors, norm)[0] > max(_FAR_FROM_SINGULAR, state.largest_gap):
                 self._factors = factors, pivots
                 return
         self._split = self._platform_split(usual.count.platform)
@@ -307,7 +308,7 @@ class _Follower:
     def _least(self, rows: FloatArray, twist: FloatArray) -> FloatArray:
         """Least motion for rates of loop rows and platform; all in natural units."""
         if self._factors is not None:
-            return lapack.dgetrs(*self._factors, np.concatenate([rows, twist]))[0]
+            return _getrs(*self._factors, np.concatenate([rows, twist]))[0]
         motions = self._state.motions
         across = motions.across(rows)
         return across + motions.basis @ self._split.across(twist - self._rows @ across)

@@ -140,19 +140,21 @@ def _universal_centres(mechanism: Mechanism, bodies: _Bodies, drawn: float) -> l
         if upper is None or cross in inertial or {joint.kind, upper.kind} != {JointKind.REVOLUTE}:
             continue
         # Both axes in the cross: the upper one through its origin, for it is the upper joint's child.
-        first = _Place(bodies[upper.child][1].translation, bodies[upper.child][1].rotation @ upper.axis)
+        first_axis = bodies[upper.child][1].rotation @ upper.axis
+        first = _Place(bodies[upper.child][1].translation, first_axis)
         frame = at * joint.placement
-        second = _Place(np.array(frame.translation), frame.rotation @ joint.axis)
+        second_axis = frame.rotation @ joint.axis
+        second = _Place(np.array(frame.translation), second_axis)
         middle, reach = _middle(*_arrays([first, second]))
-        if reach > _MEET * drawn or np.linalg.norm(np.cross(first.axis, second.axis)) < _MEET:
+        if reach > _MEET * drawn or np.linalg.norm(np.cross(first_axis, second_axis)) < _MEET:
             continue
         # From the cross to its neighbours: along the axes the joints do not move the point.
         parent, in_parent = bodies[upper.parent]
-        along = float(first.axis @ (middle - first.point))
+        along = float(first_axis @ (middle - first.point))
         hinge = in_parent * upper.placement
         centres.append((parent, _Place(hinge.act(along * upper.axis))))
         child, in_child = bodies[joint.child]
-        along = float(second.axis @ (middle - second.point))
+        along = float(second_axis @ (middle - second.point))
         centres.append((child, _Place(in_child.act(along * joint.axis))))
     return centres
 

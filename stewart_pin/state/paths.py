@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import lapack
+from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import TWIST_AXES, counted, split_motions
@@ -29,6 +29,7 @@ from stewart_pin.state.state import State
 from stewart_pin.tolerances import CLOSED, SINGULAR
 from stewart_pin.typing import FloatArray, Tangent
 
+(_gesv,) = get_lapack_funcs(("gesv",), dtype=np.float64)
 _CONTRACTION = 0.25
 """Largest ratio of the second Newton step to the first: half the radius of the theorem for the first."""
 _TURN = 0.6
@@ -136,7 +137,8 @@ def pose_path(start: State, target: pin.SE3, axes: Sequence[str] = TWIST_AXES) -
         nonlocal screw
         goal = target
         if share < 1.0:  # the end of the path is the pose itself, not its logarithm's exponential
-            screw = pin.log6(begin.actInv(target)) if screw is None else screw
+            if screw is None:
+                screw = pin.log6(begin.actInv(target))
             goal = begin * pin.exp6(share * screw)
         here = state.pose
         error = np.empty(6)
@@ -269,7 +271,7 @@ def _newton_step(state: State, path: Path, residual: FloatArray) -> Tangent | No
     usual, chain = state.chain.generic, state.chain
     rows = path.rows(state)
     if usual.rank == chain.nc and path.rank == rows.shape[0] and chain.nc + path.rank == chain.nv:
-        _, _, step, info = lapack.dgesv(np.concatenate([state.rows, rows]), -residual)
+        _, _, step, info = _gesv(np.concatenate([state.rows, rows]), -residual)
         return step if info == 0 and np.isfinite(step @ step) else None
     motions = state.motions
     if motions.smallest <= 0:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import lapack
+from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.state.freedom import Freedom, Motions, split_motions
@@ -31,6 +31,9 @@ from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 if TYPE_CHECKING:
     from stewart_pin.state.chain import ClosedChain
 
+_potrf, _getrf, _gecon, _lange, _getrs = get_lapack_funcs(
+    ("potrf", "getrf", "gecon", "lange", "getrs"), dtype=np.float64
+)
 _SMALL = CONSISTENT**2
 """Sum of squares below which no entry is larger than `CONSISTENT`."""
 _FAR_FROM_SINGULAR = 1e-4
@@ -283,7 +286,7 @@ class State:
     def motor_inertia(self) -> FloatArray | None:
         """(nu, nu) Cholesky factor of the inertia that motors feel; None where one has none; needs `drive` [kg m²]."""
         G = self.motor_motions
-        factor, failed = lapack.dpotrf(G.T @ (self.inertia @ G), lower=1)
+        factor, failed = _potrf(G.T @ (self.inertia @ G), lower=1)
         diagonal = factor.diagonal()
         return None if failed or diagonal.min() ** 2 <= NO_INERTIA * diagonal.max() ** 2 else factor
 
@@ -476,10 +479,10 @@ class Drive:
         passive, across = rows.take(chain.passive_index, 1), rows.take(chain.motor_index, 1)
         if not chain.nc:
             return Drive(chain, across, passive, np.zeros(0, dtype=np.int32), 1.0)
-        factors, pivots, info = lapack.dgetrf(passive)
+        factors, pivots, info = _getrf(passive)
         if info:
             return None
-        regularity = float(lapack.dgecon(factors, lapack.dlange("1", passive))[0])
+        regularity = float(_gecon(factors, _lange("1", passive))[0])
         return Drive(chain, across, factors, pivots, regularity) if regularity > _FAR_FROM_SINGULAR else None
 
     def motions(self) -> FloatArray:
@@ -494,7 +497,7 @@ class Drive:
         G = np.zeros((self._passive.size + count, count))
         G[self._motors] = np.eye(count)
         if self._passive.size:
-            G[self._passive] = -lapack.dgetrs(self._factors, self._pivots, self._across)[0]
+            G[self._passive] = -_getrs(self._factors, self._pivots, self._across)[0]
         return G
 
     def across(self, rates: FloatArray) -> FloatArray:
@@ -512,7 +515,7 @@ class Drive:
         """
         motion = np.zeros((self._passive.size + self._motors.size, *rates.shape[1:]))
         if self._passive.size:
-            motion[self._passive] = lapack.dgetrs(self._factors, self._pivots, rates)[0]
+            motion[self._passive] = _getrs(self._factors, self._pivots, rates)[0]
         return motion
 
     def carry(self, efforts: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -533,7 +536,7 @@ class Drive:
         motors = efforts.take(self._motors)
         if not self._passive.size:
             return np.zeros(0), motors
-        reactions = lapack.dgetrs(self._factors, self._pivots, efforts.take(self._passive), trans=1)[0]
+        reactions = _getrs(self._factors, self._pivots, efforts.take(self._passive), trans=1)[0]
         return reactions, motors - reactions @ self._across
 
 

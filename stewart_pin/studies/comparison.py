@@ -15,7 +15,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, point_mass_forces
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
 from stewart_pin.kernels.choosing import kernels_for
-from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
+from stewart_pin.mechanics.inverse_dynamics import Method, inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
@@ -104,7 +104,7 @@ def compare_methods(
         q = states[-1].q
         say("kinematics", k + 1, len(samples))
 
-    def tree_forces(variant: ClosedChain, method: str, stage: str) -> FloatArray:
+    def tree_forces(variant: ClosedChain, method: Method, stage: str) -> FloatArray:
         forces = np.empty((len(states), chain.nu))
         for k, state in enumerate(states):
             forces[k] = inverse_dynamics(variant, state.q, state.v, state.a, method=method).tau_motor

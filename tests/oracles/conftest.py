@@ -10,17 +10,16 @@ import pytest
 from scipy.linalg import null_space
 
 import stewart_pin as stp
-from stewart_pin.mechanics.kinematics import State
 
 _RANK = 1e-9
 """Singular values below this, relative to the largest, count as zero: loops are closed to 1e-13."""
 
 
 @pytest.fixture
-def closed_states(rng: np.random.Generator) -> Callable[[stp.ClosedChain, int], Iterator[State]]:
+def closed_states(rng: np.random.Generator) -> Callable[[stp.ClosedChain, int], Iterator[stp.State]]:
     """Return a generator of random states near home whose loops stay closed, idle freedoms moving too."""
 
-    def states(chain: stp.ClosedChain, count: int) -> Iterator[State]:
+    def states(chain: stp.ClosedChain, count: int) -> Iterator[stp.State]:
         for _ in range(count):
             free = null_space(stp.loop_jacobian(chain, chain.q_home), rcond=_RANK)
             step = free @ rng.uniform(-0.1, 0.1, free.shape[1]) * chain.length_scale
@@ -29,7 +28,7 @@ def closed_states(rng: np.random.Generator) -> Callable[[stp.ClosedChain, int], 
             free = null_space(jacobian, rcond=_RANK)
             v = free @ rng.uniform(-1, 1, free.shape[1])
             drift = np.linalg.lstsq(jacobian, stp.loop_bias(chain, q, v), rcond=_RANK)[0]
-            yield State(q=q, v=v, a=free @ rng.uniform(-3, 3, free.shape[1]) - drift)
+            yield chain.at(q, v, free @ rng.uniform(-3, 3, free.shape[1]) - drift)
 
     return states
 
