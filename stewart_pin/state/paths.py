@@ -131,15 +131,14 @@ def pose_path(start: State, target: pin.SE3, axes: Sequence[str] = TWIST_AXES) -
     every = tuple(axes) == TWIST_AXES
     kept = slice(None) if every else np.flatnonzero(counted(axes))
     sizes = chain.twist_sizes[kept]
-    screw: pin.Motion | None = None
+    screw: list[pin.Motion] = []  # of the whole path, found where a part of it is asked for
 
     def residual(state: State, share: float) -> FloatArray:
-        nonlocal screw
         goal = target
         if share < 1.0:  # the end of the path is the pose itself, not its logarithm's exponential
-            if screw is None:
-                screw = pin.log6(begin.actInv(target))
-            goal = begin * pin.exp6(share * screw)
+            if not screw:
+                screw.append(pin.log6(begin.actInv(target)))
+            goal = begin * pin.exp6(share * screw[0])
         here = state.pose
         error = np.empty(6)
         error[:3] = here.translation - goal.translation

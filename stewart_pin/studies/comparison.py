@@ -122,8 +122,9 @@ def compare_methods(
         return tree_forces(variant, "pinocchio", stage) if forces is None else forces
 
     simple = massless_legs(chain, point_platform=True)
-    forces = {m: tree_forces(chain, m, m) for m in ("pinocchio", "constraint_matrix")}
-    simplified = {m: tree_forces(simple, m, f"{m}, simplified") for m in forces}
+    methods: tuple[Method, ...] = ("pinocchio", "constraint_matrix")
+    forces: dict[str, FloatArray] = {m: tree_forces(chain, m, m) for m in methods}
+    simplified: dict[str, FloatArray] = {m: tree_forces(simple, m, f"{m}, simplified") for m in methods}
     for variant, found in ((chain, forces), (simple, simplified)):
         compiled = array_forces(variant)
         if compiled is not None:
