@@ -127,7 +127,9 @@ def mobile_displacements(
 def _spanned(rows: Iterator[FloatArray], known: FloatArray, tolerance: float) -> FloatArray:
     """Add rows until some samples in a row add nothing new; orthonormal."""
     without_news = 0
+    touched = np.abs(known).max(axis=0, initial=0.0)
     for row in rows:
+        touched = np.maximum(touched, np.abs(row).max(axis=0, initial=0.0))
         new = row - row @ known.T @ known
         _, s, right = np.linalg.svd(new, full_matrices=False)
         fresh = right[s > tolerance]
@@ -135,8 +137,8 @@ def _spanned(rows: Iterator[FloatArray], known: FloatArray, tolerance: float) ->
         known = np.linalg.qr(np.vstack([known, fresh]).T)[0].T
         if without_news >= _AT_ONCE or len(known) == known.shape[1]:
             break
-    # Displacements that no row touches are exactly free.
-    known[:, np.abs(known).max(axis=0, initial=0.0) < tolerance] = 0.0
+    # Displacements that no row touches are exactly free: what a small new direction carries there is round-off, enlarged.
+    known[:, touched < tolerance] = 0.0
     return known
 
 
