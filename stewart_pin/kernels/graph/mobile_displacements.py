@@ -137,7 +137,7 @@ def _spanned(rows: Iterator[FloatArray], known: FloatArray, tolerance: float) ->
         known = np.linalg.qr(np.vstack([known, fresh]).T)[0].T
         if without_news >= _AT_ONCE or len(known) == known.shape[1]:
             break
-    # Displacements that no row touches are exactly free: what a small new direction carries there is round-off, enlarged.
+    # Displacements that no row touches are exactly free: what a small new direction has there is round-off, enlarged.
     known[:, touched < tolerance] = 0.0
     return known
 
