@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ def compile_function(
     dtype: DTypeLike = np.float64,
     repeat: Repeat | None = None,
     engine: Engine | None = None,
+    matrices: Collection[str] = (),
 ) -> ArrayKernel:
     """Compile a CasADi function to a function on arrays of states.
 
@@ -37,6 +38,8 @@ def compile_function(
         How the function is repeated on its own result; None runs it once.
     engine
         ``"llvm"`` (extra ``kernels``) or ``"numpy"``; None takes llvm when it is installed.
+    matrices
+        Outputs that stay matrices where they have one column; others become vectors.
 
     Returns
     -------
@@ -62,5 +65,9 @@ def compile_function(
            [13.]])
     """
     return ArrayKernel(
-        prepare(program_from_casadi(function)), bounds=bounds, dtype=dtype, repeat=repeat, engine=engine
+        prepare(program_from_casadi(function, matrices=matrices)),
+        bounds=bounds,
+        dtype=dtype,
+        repeat=repeat,
+        engine=engine,
     )

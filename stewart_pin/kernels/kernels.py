@@ -42,12 +42,15 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
     status         (N,) int8 array for the `StateStatus` of each state
     conditioning   (N,) array for the conditioning of each state, dimensionless: the smallest of the pivots that the
                    verb divides by, each relative to its median around home. Near one all digits are good, at 1e-6 six
-                   of them are lost; below 1e-10 (1e-4 in single precision) a state counts as singular
+                   of them are lost. Below 1e-6 (1e-4 in single precision) a state counts as singular, as for the
+                   verbs of one state. Of configurations that are looked for, c, it is min(c, 1000 c²): they have lost
+                   digits before
     threads        number of threads, each for a range of states; the results are the same, bit for bit
     ============== ===============================================================================================
 
     A verb that first has to look for the pose (motor coordinates) or the whole configuration (legs without closed form)
-    does so by Newton steps, from home: several poses may meet the same motor positions.
+    does so by Newton steps from home, on the way there followed in stretches where a step leaves a doubt: the branch of
+    home is kept. What is met on another branch alone has the code ``BRANCH_LOST``.
 
     Parameters
     ----------

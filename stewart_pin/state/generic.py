@@ -106,6 +106,31 @@ def find_generic(chain: ClosedChain) -> Generic:
     )
 
 
+def regularity(state: State) -> float:
+    """Tell how regular a configuration is: near one as usual, zero at a singularity of loops, motors or platform.
+
+    Parameters
+    ----------
+    state
+        State of a closed chain.
+
+    Returns
+    -------
+    float
+        The smallest singular value that belongs to the loops, the motors or the platform, relative to its usual size.
+    """
+    usual = state.chain.generic
+    share, count = _shares(state, usual.rank), usual.count
+    held = np.vstack([share.motors, share.platform])
+    found = [
+        (share.motions.values, usual.rank, usual.usual_loops),
+        (_singular_values(share.motors @ _active(share, count)), count.motor, usual.usual_motors),
+        (_singular_values(share.platform), count.platform, usual.usual_platform),
+        (_singular_values(held), count.either, usual.usual_passive),
+    ]
+    return min((float(values[rank - 1]) / size for values, rank, size in found if rank), default=1.0)
+
+
 def generic_freedom(chain: ClosedChain, axes: Sequence[str] = TWIST_AXES) -> FreedomCount:
     """Count the motions that a mechanism has at configurations that are nothing special.
 

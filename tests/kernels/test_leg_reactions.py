@@ -119,13 +119,13 @@ def test_reactions_are_lost_where_the_rods_let_the_platform_turn() -> None:
         return float(np.linalg.det(normals))
 
     there = brentq(volume_of_normals, 0.0, 1.0, xtol=1e-15)
-    poses = np.array([pose(there + gap) for gap in (0.0, -1e-6, -1e-3, -there)])
+    poses = np.array([pose(there + gap) for gap in (0.0, -1e-5, -1e-3, -there)])
     status, near, held = np.empty(4, dtype=np.int8), np.empty(4), np.empty(4)
     rest = np.zeros(6)
     found = many.reactions(poses, rest, rest, status=status, conditioning=near)
     assert status.tolist() == [StateStatus.SINGULAR, StateStatus.OK, StateStatus.OK, StateStatus.OK]
     assert np.isnan(found[0]).all()
-    np.testing.assert_allclose(near[1] / near[2], 1e-3, rtol=0.1)
+    np.testing.assert_allclose(near[1] / near[2], 1e-2, rtol=0.1)
     many.inverse_dynamics(poses, rest, rest, status=status, conditioning=held)
     assert (status == StateStatus.OK).all()
     assert (held > 0.1).all()

@@ -9,12 +9,12 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.kernels.compile_function import compile_function
-from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step
+from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step, stretch_step
 from stewart_pin.kernels.graph.platform_dynamics import place_platform
 from stewart_pin.kernels.graph.platform_kinematics import pose_equations
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.programs.status import StateStatus
-from stewart_pin.kernels.verbs.newton import NewtonSteps, damped_newton
+from stewart_pin.kernels.verbs.newton import NewtonSteps, damped_newton, solve_on_branch, straight
 from stewart_pin.tolerances import CLOSED
 from tests.closed_states import robot
 from tests.kernels.hexapod_graph import sample_states
@@ -25,13 +25,14 @@ def square_roots() -> NewtonEquations:
     """x² = target, as the plainest equations with a double root at zero."""
     x, target = ca.SX.sym("x"), ca.SX.sym("target")
     gap = target - x * x
-    return NewtonEquations(x, target, gap, gap, close=lambda g: g / (2 * x), move=lambda x, step: x + step)
+    return NewtonEquations(x, target, gap, gap, lambda g: g / (2 * x), lambda x, step: x + step, np.ones(1))
 
 
 def newton(equations: NewtonEquations) -> NewtonSteps:
     return NewtonSteps(
         compile_function(double_step("double", equations)),
         lambda: compile_function(damped_step("damped", equations)),
+        lambda: compile_function(stretch_step("stretch", equations)),
     )
 
 
@@ -39,15 +40,18 @@ def test_a_double_step_is_newton_and_a_chord() -> None:
     x, target = np.array([[1.5]]), np.array([[2.0]])
     middle = x + (target - x**2) / (2 * x)
     end = middle + (target - middle**2) / (2 * x)
-    after, gap = newton(square_roots()).double(x, target)
-    np.testing.assert_allclose(after, end, rtol=1e-15)
+    after, gap = newton(square_roots()).double(np.hstack([x, [[0.0]]]), target)
+    np.testing.assert_allclose(after[:, :1], end, rtol=1e-15)
+    # The contraction, or what so long a first move counts as.
+    expected = max((end - middle)[0, 0] / (middle - x)[0, 0], abs(middle - x)[0, 0] / 2.4)
+    np.testing.assert_allclose(after[0, 1], expected, rtol=1e-4)
     np.testing.assert_allclose(gap, middle**2 - target, rtol=1e-12)  # still too large to foretell anything
 
 
 def test_double_steps_converge_with_order_three() -> None:
     double = newton(square_roots()).double
     offsets = np.array([[1e-2], [1e-3]])
-    after = double(1 + offsets, np.ones((2, 1)))[0] - 1.0
+    after = double(np.hstack([1 + offsets, np.zeros((2, 1))]), np.ones((2, 1)))[0][:, :1] - 1.0
     # Newton alone would leave offset² / 2.
     np.testing.assert_allclose(
         after / offsets**3, 0.5, rtol=0.03
@@ -73,7 +77,7 @@ def arctangents() -> NewtonEquations:
     x, target = ca.SX.sym("x"), ca.SX.sym("target")
     gap = target - ca.atan(x)
     close = lambda g: g * (1 + x * x)  # noqa: E731
-    return NewtonEquations(x, target, gap, gap, close=close, move=lambda x, step: x + step)
+    return NewtonEquations(x, target, gap, gap, close, lambda x, step: x + step, np.ones(1))
 
 
 def test_a_trial_is_accepted_or_made_shorter() -> None:
@@ -132,9 +136,28 @@ def test_a_gap_that_is_partly_no_number_is_not_closed() -> None:
     x, target = ca.SX.sym("x"), ca.SX.sym("target")
     gap = target - x
     size = ca.vertcat(gap, ca.sqrt(x - 2))  # no number below 2, zero at 2
-    equations = NewtonEquations(x, target, gap, size, close=lambda g: g, move=lambda x, step: x + step)
+    equations = NewtonEquations(x, target, gap, size, lambda g: g, lambda x, step: x + step, np.ones(1))
     solved = damped_newton(newton(equations), np.array([[2.5], [2.5]]), np.array([[1.0], [2.0]]))
     assert solved.closed.tolist() == [False, True]
+
+
+def test_a_branch_is_kept_or_said_to_be_lost() -> None:
+    """Of x³ - 3 x = target, on the branch beyond the fold at x = 1, where the target is -2."""
+    x, target = ca.SX.sym("x"), ca.SX.sym("target")
+    gap = target - (x * x * x - 3 * x)
+    close = lambda g: g / (3 * x * x - 3)  # noqa: E731
+    equations = NewtonEquations(x, target, gap, gap, close, lambda x, step: x + step, np.ones(1))
+    wanted = np.linspace(-4.0, 40.0, 400)[:, None]
+    start = np.array([[1.1]])
+    solved = solve_on_branch(
+        newton(equations), start, lambda rows: np.tile(start**3 - 3 * start, (len(rows), 1)), wanted, straight
+    )
+    roots = np.array([np.real(np.roots([1, 0, -3, -t])).max() for t in wanted[:, 0]])
+    beyond = wanted[:, 0] > -2
+    np.testing.assert_array_equal(solved.kept, beyond)
+    np.testing.assert_allclose(solved.states[beyond, 0], roots[beyond], rtol=1e-9)
+    # Another root, beyond the fold, is found by damped steps, and not taken for one of this branch.
+    assert solved.closed[~beyond].any()
 
 
 def test_motors_that_turn_count_modulo_a_turn() -> None:

@@ -321,6 +321,7 @@ def closing_equations(driven: DrivenTree) -> NewtonEquations:
         size=ca.vertcat(scaled, opposed),
         close=lambda gap: driven.reduced.transposed(-gap),
         move=lambda q, step: integrated(tree, q, step),
+        sizes=chain.tangent_scale,
     )
 
 

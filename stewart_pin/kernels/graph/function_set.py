@@ -12,6 +12,7 @@ from functools import cached_property
 from typing import Literal
 
 import casadi as ca
+import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import InputError, UnsupportedError
@@ -33,7 +34,7 @@ from stewart_pin.kernels.graph.geometry_by_tree import tree_geometry_derivatives
 from stewart_pin.kernels.graph.held_motion import HeldMotion, hold
 from stewart_pin.kernels.graph.leg_functions import BY_LEGS, DERIVATIVES, LEG_FUNCTIONS, leg_function
 from stewart_pin.kernels.graph.mobile_displacements import MobileDisplacements, mobile_displacements
-from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step
+from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step, stretch_step
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.projection import projection_function
 from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
@@ -41,9 +42,11 @@ from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.planning.idle_freedoms import require_idle_without_effect
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.planning.samples import closed_samples
+from stewart_pin.kernels.planning.tree import tree_of
 from stewart_pin.mechanics.kinematics import platform_pose
+from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.typing import FloatArray
+from stewart_pin.typing import BoolArray, FloatArray
 
 Coordinates = Literal["platform", "motor", "tree"]
 
@@ -70,6 +73,7 @@ _STATE: dict[str, Callable[[ClosedTree], ca.Function]] = {
 }
 _STEPS: dict[str, Callable[[str, NewtonEquations], ca.Function]] = {
     "_double_step": double_step,
+    "_stretch_step": stretch_step,
     "_step": damped_step,
 }
 _HELD = ("inverse_dynamics", "reactions", "regressor")
@@ -147,6 +151,16 @@ class FunctionSet:
         if state == "pose" and self.placed is not None:
             return pose, target, self.placed.plan.poses
         return chain.q_home, target, self.closed.samples
+
+    @cached_property
+    def turning(self) -> BoolArray:
+        """(nu,) whether a motor turns, whose position then counts modulo a turn where a pose tells it."""
+        kinds = {
+            joint.v.start: joint.kind
+            for joint in tree_of(self.chain).joints
+            if joint.v.stop - joint.v.start == 1
+        }
+        return np.array([kinds.get(int(k)) is JointKind.REVOLUTE for k in self.chain.motor_index])
 
     @cached_property
     def driven(self) -> DrivenTree:

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from stewart_pin.kernels.graph.functions import shared
+from stewart_pin.kernels.planning.spatial import constant
+from stewart_pin.typing import FloatArray
 
 _FORETOLD = 4000.0
 """Four times what the second move is expected to leave, on the scale on which a gap of 1e-11 is closed, so that 1e-14
 of it must be left."""
 _TINY = 1e-300
+_ROUND_OFF = 1e-6
+"""Size of a move below which how much the next is smaller is round-off."""
+_FAR = 2.4
+"""Moves by which a state goes without a change of branch, to which a contraction of one belongs: sines are straight
+for 0.6 radians, and a quarter is what a contraction may be."""
 _HUGE = 1e300
 _SMALLEST_SHARE = 1e-4
 """Share of Newton's step below which a search is given up."""
@@ -34,6 +41,8 @@ class NewtonEquations:
         Gives the displacement that closes a gap to the first order, all at the symbolic state.
     move
         Displaces a state.
+    sizes
+        (j,) natural size of each entry of a displacement [m or rad].
     """
 
     state: ca.SX
@@ -42,6 +51,7 @@ class NewtonEquations:
     size: ca.SX
     close: Callable[[ca.SX], ca.SX]
     move: Callable[[ca.SX, ca.SX], ca.SX]
+    sizes: FloatArray
 
 
 def damped_step(name: str, equations: NewtonEquations) -> ca.Function:
@@ -103,7 +113,9 @@ def double_step(name: str, equations: NewtonEquations) -> ca.Function:
     """Write a full step, and another from where it leads with the matrix of the first.
 
     The second needs no elimination of its own, and makes the order of convergence three: with c the curvature, a gap g
-    becomes c g² and then 2 c² g³ (Potra and Pták, 1984).
+    becomes c g² and then 2 c² g³ (Potra and Pták, 1984). How much shorter it is than the first bounds the curvature: up
+    to a quarter there is one solution in reach of the start and of every target on the way to this one (Newton and
+    Kantorovich; Deuflhard, Newton Methods for Nonlinear Problems, 2011, section 2.1), so that the branch is kept.
 
     Parameters
     ----------
@@ -115,17 +127,48 @@ def double_step(name: str, equations: NewtonEquations) -> ca.Function:
     Returns
     -------
     casadi.Function
-        ``(state, target) -> (next, gap)``. The gap is that between the moves, h, where it was g before them; or, if
-        less, a thousand times the 4 h² / g that the second move may leave, twice what it is expected to.
+        ``(state, target) -> (next, gap)``, (n + 1, 1) states whose last entry is the largest contraction so far, or
+        what a far move counts as. The gap is that between the moves, h, where it was g before them; or, if less, a
+        thousand times the 4 h² / g that the second move may leave, twice what it is expected to.
     """
     e = equations
-    between = e.move(e.state, e.close(e.gap))
+    worst = ca.SX.sym("contraction")
+    first = e.close(e.gap)
+    between = e.move(e.state, first)
     measured = ca.Function("gap", [e.state, e.target], [e.gap, ca.norm_inf(e.size), _is_number(e.size)])
     gap, size, number = measured.call([between, e.target])
     before = ca.norm_inf(e.size)
     foretold = _FORETOLD * size * size / (before + _TINY)
+    second = e.close(gap)
+    one, two = (ca.norm_inf(x / constant(e.sizes)) for x in (first, second))
+    contraction = ca.fmax(two / (one + _ROUND_OFF), one / _FAR)
     return shared(
         name,
-        {"state": e.state, "target": e.target},
-        {"next": e.move(between, e.close(gap)), "gap": ca.if_else(number, ca.fmin(size, foretold), 1)},
+        {"state": ca.vertcat(e.state, worst), "target": e.target},
+        {
+            "next": ca.vertcat(e.move(between, second), ca.fmax(worst, contraction)),
+            "gap": ca.if_else(number, ca.fmin(size, foretold), 1),
+        },
     )
+
+
+def stretch_step(name: str, equations: NewtonEquations) -> ca.Function:
+    """Write a double step towards a target between two others, which need not be within reach.
+
+    What is solved for has closed where the moves end: a pose between two that a platform of few freedoms can take is
+    none that it can take.
+
+    Parameters
+    ----------
+    name
+        Of the function.
+    equations
+        What to solve.
+
+    Returns
+    -------
+    casadi.Function
+        As `double_step`; the gap is that of the moves.
+    """
+    step = equations.close(equations.gap) / constant(equations.sizes)
+    return double_step(name, replace(equations, size=step))

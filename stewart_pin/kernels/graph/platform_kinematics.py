@@ -136,6 +136,7 @@ def pose_equations(placed: PlacedPlatform) -> NewtonEquations:
         size=ca.sum1(ca.fabs(ca.vertcat(gap / constant(size), *beside))),
         close=close,
         move=_moved,
+        sizes=np.repeat([placed.plan.chain.length_scale, 1.0], 3),
     )
 
 

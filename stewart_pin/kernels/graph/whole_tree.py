@@ -19,7 +19,7 @@ from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, joint_pl
 from stewart_pin.kernels.graph.loop_rows import LoopColumns, loop_bias, loop_columns
 from stewart_pin.kernels.planning.elimination import Elimination, solve_square, solve_symmetric
 from stewart_pin.kernels.planning.pivots import Pivots, plan_pivots
-from stewart_pin.kernels.planning.samples import at_samples, closed_samples
+from stewart_pin.kernels.planning.samples import at_samples, pivot_samples
 from stewart_pin.kernels.planning.spatial import constant
 from stewart_pin.kernels.planning.tree import Tree, tree_of
 from stewart_pin.state.chain import ClosedChain
@@ -103,7 +103,7 @@ def close_tree(chain: ClosedChain) -> ClosedTree:
     q = ca.SX.sym("q", tree.nq)
     at = placements(tree.joints, [joint_placement(joint, q[joint.q]) for joint in tree.joints])
     columns = loop_columns(tree, at, q)
-    samples = closed_samples(chain)
+    samples = pivot_samples(chain)
     values = at_samples([q], [samples], columns.transpose)
     values = values * chain.tangent_scale[:, None] / chain.row_sizes
     pivots: Pivots = plan_pivots(values, list(range(tree.nc)))

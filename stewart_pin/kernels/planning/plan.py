@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.planning.samples import closed_samples
+from stewart_pin.kernels.planning.samples import pivot_samples
 from stewart_pin.kernels.planning.spatial import Masses
 from stewart_pin.kernels.planning.tree import LoopEnds, Tree, TreeJoint, tree_of
 from stewart_pin.mechanics.kinematics import platform_pose
@@ -175,7 +175,7 @@ def plan_platform(chain: ClosedChain) -> PlatformPlan:
     if len(moved) < len(tree.motors):
         left = next(k for k in range(len(tree.motors)) if k not in moved)
         raise _unsupported(chain, f"motor '{chain.motors[left]}' carries the platform itself")
-    samples = closed_samples(chain)
+    samples = pivot_samples(chain)
     poses = np.array([pin.SE3ToXYZQUAT(platform_pose(chain, q)) for q in samples])
     for leg in legs:
         _require_planar(chain, leg, np.zeros((6, 0)))

@@ -10,9 +10,12 @@ import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.generic import regularity
 from stewart_pin.state.newton import close_loops
 from stewart_pin.typing import FloatArray
 
+_REGULAR = 1e-3
+"""Share of the usual regularity that a home must have for pivots to be chosen on it."""
 _SPREAD = 0.15
 """Largest displacement of a joint from home, in robot sizes and radians."""
 
@@ -55,6 +58,23 @@ def closed_samples(chain: ClosedChain, *, count: int = 8, seed: int = 0) -> Floa
         f"the loops of {chain.name} close at {len(found)} of {20 * count} displacements of home; "
         "kernels need closed states to look at"
     )
+
+
+def pivot_samples(chain: ClosedChain) -> FloatArray:
+    """Return the configurations on which pivots are chosen: around home, and home itself where it is regular.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    numpy.ndarray
+        (samples, nq) configurations with closed loops [m, rad, unit quaternions].
+    """
+    around = closed_samples(chain)
+    return np.vstack([around, chain.q_home]) if regularity(chain.at(chain.q_home)) >= _REGULAR else around
 
 
 def at_samples(inputs: Sequence[ca.SX], samples: Sequence[FloatArray], matrix: ca.SX) -> FloatArray:

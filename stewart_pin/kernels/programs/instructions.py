@@ -6,6 +6,7 @@ register write becomes a value of its own, which is what the passes and the comp
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 from stewart_pin.errors import InputError, MissingExtraError, UnsupportedError
@@ -13,7 +14,7 @@ from stewart_pin.kernels.programs.program import Instruction, Kind, Port, Progra
 from stewart_pin.kernels.programs.program_builder import ProgramBuilder
 
 
-def program_from_casadi(function: Any) -> Program:
+def program_from_casadi(function: Any, *, matrices: Collection[str] = ()) -> Program:
     """Turn a CasADi function into a straight-line program.
 
     Parameters
@@ -21,6 +22,8 @@ def program_from_casadi(function: Any) -> Program:
     function
         `casadi.Function` of scalar symbols (SX), or one that can be expanded to such. The entries of its matrices
         count in C order here, not column by column; structural zeros are zeros.
+    matrices
+        Outputs that stay matrices where they have one column; others become vectors.
 
     Returns
     -------
@@ -47,7 +50,7 @@ def program_from_casadi(function: Any) -> Program:
         raise InputError(
             f"function {function.name()!r} has symbols that are no inputs: {function.get_free()}"
         )
-    return _Reader(casadi, function).program()
+    return _Reader(casadi, function, matrices).program()
 
 
 def _expanded(function: Any) -> Any:
@@ -64,14 +67,15 @@ def _expanded(function: Any) -> Any:
 class _Reader:
     """One pass over the instructions, with the value that each work register holds at the moment."""
 
-    def __init__(self, casadi: Any, function: Any) -> None:
+    def __init__(self, casadi: Any, function: Any, matrices: Collection[str]) -> None:
         self.function = function
         self.casadi = casadi
         ours = {Kind.INPUT, Kind.CONSTANT, Kind.FMA}  # all others have CasADi's names
         self.kinds = {getattr(casadi, f"OP_{kind.name}"): kind for kind in Kind if kind not in ours}
         inputs = tuple(_port(function.name_in(i), function.sparsity_in(i)) for i in range(function.n_in()))
         outputs = tuple(
-            _port(function.name_out(i), function.sparsity_out(i)) for i in range(function.n_out())
+            _port(name, function.sparsity_out(i), matrix=name in matrices)
+            for i, name in enumerate(function.name_out())
         )
         self.builder = ProgramBuilder(Program(function.name(), inputs, outputs, (), ()))
         self.entries_in = [_entries(function.sparsity_in(i)) for i in range(function.n_in())]
@@ -126,9 +130,9 @@ class _Reader:
         )
 
 
-def _port(name: str, sparsity: Any) -> Port:
+def _port(name: str, sparsity: Any, *, matrix: bool = False) -> Port:
     rows, columns = sparsity.size1(), sparsity.size2()
-    return Port(name, (rows,) if columns == 1 else (rows, columns))
+    return Port(name, (rows,) if columns == 1 and not matrix else (rows, columns))
 
 
 def _entries(sparsity: Any) -> list[int]:

@@ -16,13 +16,18 @@ from stewart_pin.typing import BoolArray, FloatArray
 
 
 class StateStatus(enum.IntEnum):
-    """Code of a state; the results of a state that is not OK are nan."""
+    """Code of a state; the results of a state that is not OK are nan.
+
+    ``BRANCH_LOST``: what is asked for is met on another branch alone than that of home, or of the guess: on the way
+    from there is a singularity.
+    """
 
     OK = 0
     INPUT_NOT_FINITE = 1
     OUT_OF_BOUNDS = 2
     RESULT_NOT_FINITE = 3
     SINGULAR = 4
+    BRANCH_LOST = 5
 
 
 @dataclass(frozen=True)

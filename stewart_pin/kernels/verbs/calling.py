@@ -15,9 +15,17 @@ from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.kernels.running.array_kernel import ArrayKernel, Engine
 from stewart_pin.kernels.running.arrays import require_apart, require_out
 from stewart_pin.kernels.running.single_state import SingleState
-from stewart_pin.kernels.verbs.configurations import as_rows, configurations, starts, with_unit_quaternions
+from stewart_pin.kernels.verbs.configurations import (
+    Starts,
+    as_poses,
+    as_rows,
+    configurations,
+    poses_between,
+    serves,
+    with_unit_quaternions,
+)
 from stewart_pin.kernels.verbs.judges import judged
-from stewart_pin.kernels.verbs.newton import NewtonSteps, Solved
+from stewart_pin.kernels.verbs.newton import NewtonSteps, Solved, straight
 from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:
@@ -48,6 +56,8 @@ class Places:
 
 _GIVEN = {"platform": "pose", "tree": "q"}
 """What kernels take as it is given, by coordinates; motor positions are never enough."""
+_TWICE = 1e3
+"""Share of the digits that are lost twice, see `lost_twice`."""
 _SEARCHES = {"pose": "forward_kinematics", "q": "closing"}
 """Equations that lead to what kernels take."""
 
@@ -75,7 +85,7 @@ class Caller:
             raise InputError(f"dtype must be float64 or float32, got {self._dtype}")
         self._written: dict[str, Any] = {}
         self._kernels: dict[tuple[str, bool], ArrayKernel] = {}
-        self._starts: dict[str, FloatArray] = {}
+        self._starts: dict[str, Starts] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -157,7 +167,10 @@ class Caller:
         values = kernel(solved.states, *inputs[1:], out=out, status=codes, threads=places.threads)
         values = values if isinstance(values, tuple) else (values,)
         given = self._given(solved, values, places.status, single=single, codes=codes)
-        return given if places.conditioning is None else _without_last(given)
+        if places.conditioning is None:
+            return given
+        lost_twice(places.conditioning)
+        return _without_last(given)
 
     def _room(
         self, kernel: ArrayKernel, places: Places, count: int, *, single: bool
@@ -178,8 +191,19 @@ class Caller:
         """Find configurations, or poses where the kernel that takes them is satisfied with these."""
         steps = self._steps(_SEARCHES[state])
         if state not in self._starts:
-            self._starts[state] = starts(steps, *self._functions.around_home(state))
-        return configurations(steps, self._starts[state], targets, threads=threads)
+            self._starts[state] = self._starting(steps, state)
+        between = poses_between if self.coordinates == "platform" else straight
+        return configurations(steps, self._starts[state], targets, between, threads=threads)
+
+    def _starting(self, steps: NewtonSteps, state: str) -> Starts:
+        home, target, beside = self._functions.around_home(state)
+        if serves(steps, home, target):
+            return Starts(home[None], target[None])
+        if state == "pose":
+            return Starts(beside, self._kernel("inverse_kinematics")(beside))
+        if self.coordinates == "motor":
+            return Starts(beside, beside[:, self.chain.motor_q_index])
+        return Starts(beside, as_poses(*self._kernel("platform_pose")(beside)))
 
     def _states(self, position: ArrayLike) -> tuple[FloatArray, bool]:
         if self.coordinates == "platform":
@@ -197,16 +221,17 @@ class Caller:
         codes: np.ndarray | None = None,
     ) -> Any:
         """Strike out rows without a configuration."""
-        every = bool(solved.closed.all())
+        every = bool(solved.kept.all())
         if status is not None:
             require_out("status", status, solved.closed.shape, np.dtype(np.int8))
             require_apart("status", status, [("a result", value) for value in values])
             status[:] = StateStatus.OK if codes is None else codes
             if not every:
+                status[~solved.kept] = StateStatus.BRANCH_LOST
                 status[~solved.closed] = StateStatus.OUT_OF_BOUNDS
         if not every:
             for value in values:
-                value[~solved.closed] = np.nan
+                value[~solved.kept] = np.nan
         given = [value[0] if single else value for value in values]
         return given[0] if len(given) == 1 else tuple(given)
 
@@ -216,7 +241,9 @@ class Caller:
 
     def _steps(self, equations: str) -> NewtonSteps:
         return NewtonSteps(
-            self._kernel(f"{equations}_double_step"), lambda: self._kernel(f"{equations}_step")
+            self._kernel(f"{equations}_double_step"),
+            lambda: self._kernel(f"{equations}_step"),
+            lambda: self._kernel(f"{equations}_stretch_step"),
         )
 
     def _takes_state(self, kernel: ArrayKernel) -> bool:
@@ -229,10 +256,23 @@ class Caller:
             function = self.casadi(name)
             measure = self._functions.conditioning_of(name, function)
             function, bounds = judged(function, measure, self._dtype, graded=graded)
+            derivatives = [output for output in function.name_out() if output.startswith("by_")]
             self._kernels[name, graded] = compile_function(
-                function, bounds=bounds, dtype=self._dtype, engine=self._engine
+                function, bounds=bounds, dtype=self._dtype, engine=self._engine, matrices=derivatives
             )
         return self._kernels[name, graded]
+
+
+def lost_twice(conditioning: FloatArray) -> None:
+    """Count, in place, what a configuration that was looked for has lost already, and the dynamics lose again.
+
+    Parameters
+    ----------
+    conditioning
+        (N,) of the configurations c, dimensionless; becomes min(c, 1000 c²): the error of a configuration, ε / c, is
+        enlarged by 1 / c; it is the larger loss below a thousandth, as measured at change points.
+    """
+    np.minimum(conditioning, _TWICE * conditioning**2, out=conditioning)
 
 
 def _without_last(values: tuple[FloatArray, ...]) -> Any:

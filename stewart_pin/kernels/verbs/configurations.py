@@ -2,51 +2,71 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.verbs.newton import NewtonSteps, Solved, damped_newton
+from stewart_pin.kernels.verbs.newton import Between, NewtonSteps, Solved, solve_on_branch
 from stewart_pin.typing import ArrayLike, FloatArray
 
 UNIT = 2e-6
 """Deviation of a squared quaternion from 1: twice that of its length which the one-state verbs allow."""
 
 
-def starts(steps: NewtonSteps, home: FloatArray, target: FloatArray, beside: FloatArray) -> FloatArray:
-    """Choose where Newton's method starts: at home, or beside it where home is singular as a stretched arm is.
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """Where Newton's method starts: at home, or beside it where home is singular as a stretched arm is.
+
+    Attributes
+    ----------
+    states
+        (n, size) configurations or poses to try in turn [m, rad, unit quaternions].
+    targets
+        (n, m) poses or motor positions there [m, rad, unit quaternions].
+    """
+
+    states: FloatArray
+    targets: FloatArray
+
+
+def serves(steps: NewtonSteps, state: FloatArray, target: FloatArray) -> bool:
+    """Whether steps can start from a state: they stay where nothing is to be done.
 
     Parameters
     ----------
     steps
         Towards a target.
-    home
-        (n,) state at home: configuration or pose [m, rad, unit quaternions].
+    state
+        (n,) configuration or pose [m, rad, unit quaternions].
     target
         (m,) what it meets: pose or motor positions [m, rad, unit quaternions].
-    beside
-        (samples, n) states around home [m, rad, unit quaternions].
 
     Returns
     -------
-    numpy.ndarray
-        (1 or samples, n) states to try in turn [m, rad, unit quaternions].
+    bool
+        Whether they do.
     """
-    stays = steps.double(home, target)[0]
-    return home[None] if np.allclose(stays, home, atol=1e-6) else beside
+    stays = steps.double(np.append(state, 0.0), target)[0]
+    return bool(np.allclose(stays[:-1], state, atol=1e-6))
 
 
-def configurations(steps: NewtonSteps, begin: FloatArray, targets: FloatArray, *, threads: int = 1) -> Solved:
-    """Find the configurations, or poses, that meet targets.
+def configurations(
+    steps: NewtonSteps, starts: Starts, targets: FloatArray, between: Between, *, threads: int = 1
+) -> Solved:
+    """Find the configurations, or poses, that meet targets, on the branch of where they are looked for from.
 
     Parameters
     ----------
     steps
         Towards a target.
-    begin
-        (n, size) configurations or poses to try in turn [m, rad, unit quaternions].
+    starts
+        From where, in turn.
     targets
         (N, 7) poses or (N, nu) motor positions [m, rad, unit quaternions].
+    between
+        Leads from one target to another.
     threads
         Number of threads.
 
@@ -56,12 +76,56 @@ def configurations(steps: NewtonSteps, begin: FloatArray, targets: FloatArray, *
         Configurations or poses.
     """
     found: Solved | None = None
-    for q in begin:
-        left = np.arange(len(targets)) if found is None else np.flatnonzero(~found.closed)
-        solved = damped_newton(steps, np.broadcast_to(q, (len(left), len(q))), targets[left], threads=threads)
+    for q, met in zip(starts.states, starts.targets, strict=True):
+        left = np.arange(len(targets)) if found is None else np.flatnonzero(~found.kept)
+        if found is not None and not len(left):
+            break
+
+        def meets(rows: np.ndarray, met: FloatArray = met) -> FloatArray:
+            return np.tile(met, (len(rows), 1))
+
+        solved = solve_on_branch(steps, q[None], meets, targets[left], between, threads=threads)
         found = solved if found is None else found.with_rows(left, solved)
     assert found is not None
     return found
+
+
+def poses_between(begin: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
+    """Go from one pose to another along a screw, as the verbs of one state do.
+
+    Parameters
+    ----------
+    begin, end
+        (k, 7) position and unit quaternion x y z w [m].
+    share
+        (k,) of the way, dimensionless.
+
+    Returns
+    -------
+    numpy.ndarray
+        (k, 7) poses [m, unit quaternion].
+    """
+    first = Rotation.from_quat(begin[:, 3:])
+    turn = (first.inv() * Rotation.from_quat(end[:, 3:])).as_rotvec()
+    shift = first.inv().apply(end[:, :3] - begin[:, :3])
+    # log6 and exp6: with V(φ) ρ the shift of the whole way, V(s φ) s ρ is that of a share s.
+    rho = np.linalg.solve(_shifts(turn), shift[..., None])
+    part = (_shifts(share[:, None] * turn) @ rho)[..., 0] * share[:, None]
+    turned = first * Rotation.from_rotvec(share[:, None] * turn)
+    return np.hstack([begin[:, :3] + first.apply(part), turned.as_quat()])
+
+
+def _shifts(turn: FloatArray) -> FloatArray:
+    """Left Jacobians of rotation vectors: (k, 3, 3)."""
+    angle = np.linalg.norm(turn, axis=1)
+    x, y, z = turn.T
+    zero = np.zeros(len(turn))
+    cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+    half = np.sinc(angle / (2 * np.pi))
+    small = angle < 1e-3
+    safe = np.where(small, 1.0, angle)
+    third = np.where(small, 1 / 6 - angle**2 / 120, (safe - np.sin(safe)) / safe**3)
+    return np.eye(3) + (half**2 / 2)[:, None, None] * cross + third[:, None, None] * (cross @ cross)
 
 
 def as_rows(name: str, value: ArrayLike, size: int) -> tuple[FloatArray, bool]:

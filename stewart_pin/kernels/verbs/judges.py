@@ -8,11 +8,12 @@ import numpy as np
 
 from stewart_pin.kernels.programs.status import StateBound, StateStatus
 from stewart_pin.kernels.verbs.configurations import UNIT
+from stewart_pin.tolerances import SINGULAR
 
 _FEASIBLE = {"f8": 1e-6, "f4": 1e-5}
 """Part of a demand that may be impossible: round-off of printed numbers, as in the one-state verbs; a hundred units of
 round-off in single precision."""
-_REGULAR = {"f8": 1e-10, "f4": 1e-4}
+_REGULAR = {"f8": SINGULAR, "f4": 1e-4}
 """Conditioning below which a state is singular: where the one-state verbs say so; in single precision with three digits
 left."""
 

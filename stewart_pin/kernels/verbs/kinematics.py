@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.running.arrays import require_out
-from stewart_pin.kernels.verbs.calling import Caller, Places
+from stewart_pin.kernels.verbs.calling import Caller, Places, lost_twice
 from stewart_pin.kernels.verbs.configurations import as_poses, as_rows
-from stewart_pin.kernels.verbs.newton import damped_newton
+from stewart_pin.kernels.verbs.newton import solve_on_branch, straight
 from stewart_pin.typing import ArrayLike, FloatArray
 
 
@@ -82,15 +84,22 @@ class KinematicsVerbs(Caller):
         if len(guess) not in (1, len(target)):
             raise InputError(f"there are {len(guess)} guesses for {len(target)} motor positions")
         if self._functions.placed is not None:
-            room = None if single else out
-            solved = damped_newton(
-                self._steps("forward_kinematics"), guess, target, out=room, threads=threads
-            )
+            guess = _normalised(guess)
+            steps, begins = self._steps("forward_kinematics"), partial(self._motors_near, guess, target)
+            solved = solve_on_branch(steps, guess, begins, target, straight, threads=threads)
             found = self._given(solved, (solved.states,), status, single=single)
             self._grade(solved.states, conditioning, threads)
-            return found if room is not None else _copied(found, out)
+            return _copied(found, out)
         begun = self._configurations(_normalised(np.broadcast_to(guess, (len(target), 7))), threads)
-        solved = damped_newton(self._steps("motor_closing"), begun.states, target, threads=threads)
+        states, motors = begun.states, self.chain.motor_q_index
+        solved = solve_on_branch(
+            self._steps("motor_closing"),
+            states,
+            lambda rows: states[np.ix_(rows, motors)],
+            target,
+            straight,
+            threads=threads,
+        )
         self._grade(solved.states, conditioning, threads)
         position, rotation = self._kernel("platform_pose")(solved.states, threads=threads)
         return _copied(self._given(solved, (as_poses(position, rotation),), status, single=single), out)
@@ -146,8 +155,16 @@ class KinematicsVerbs(Caller):
             is as regular as there, near zero at a singularity, where efforts or accelerations lose their digits.
         """
         room = None if out is None or np.ndim(out) != 1 else out[:, None]
-        found = self._call("conditioning", (pose,), Places(room, status, None, threads))
-        return found[..., 0]
+        found = self._call("conditioning", (pose,), Places(room, status, None, threads))[..., 0]
+        if not self._takes_state(self._kernel("conditioning")):
+            lost_twice(found)
+        return found
+
+    def _motors_near(self, guess: FloatArray, target: FloatArray, rows: np.ndarray) -> FloatArray:
+        """Motor positions of guesses, the turns of those that turn counted as targets count them."""
+        own = self._kernel("inverse_kinematics")(guess if len(guess) == 1 else guess[rows])
+        turns = self._functions.turning
+        return own + np.where(turns, 2 * np.pi * np.round((target[rows] - own) / (2 * np.pi)), 0.0)
 
     def _grade(self, states: FloatArray, conditioning: FloatArray | None, threads: int) -> None:
         """Write the conditioning of poses or configurations."""

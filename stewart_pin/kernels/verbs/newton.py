@@ -1,4 +1,4 @@
-"""Newton's method for arrays of states: steps from a kernel, damped row by row."""
+"""Newton's method for arrays of states: steps from a kernel, damped, or along paths that keep the branch."""
 
 from __future__ import annotations
 
@@ -19,6 +19,12 @@ _ANY_GAP = 1e30
 """Larger than any, and a number in single precision too."""
 _DOUBLE_STEPS = 6
 """Double steps before the rows that have not closed by then are damped."""
+_CONTRACTION = 0.25
+"""Largest share of a move that the next may have where a branch is certainly kept, see `double_step`."""
+_SHORTEST = 1e-5
+"""Share of a path below which a stretch is not shortened any more: there is a singularity."""
+_STRETCHES = 400
+"""Stretches after which a path is given up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +37,13 @@ class NewtonSteps:
         Of ``(state, target) -> (next, gap)``: a full step, and another with the matrix of the first.
     damped
         Gives that of ``(search, target) -> (next, gap)``, when rows need it: a trial of a shorter step.
+    stretch
+        Gives that of double steps towards targets on the way, when rows need it.
     """
 
     double: ArrayKernel
     damped: Callable[[], ArrayKernel]
+    stretch: Callable[[], ArrayKernel]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,10 +56,13 @@ class Solved:
         (N, n) states, of rows that did not close the best [any unit].
     closed
         (N,) mask of the rows that closed.
+    kept
+        (N,) mask of the rows that are on the branch of their start.
     """
 
     states: FloatArray
     closed: BoolArray
+    kept: BoolArray
 
     def with_rows(self, rows: np.ndarray, other: Solved) -> Solved:
         """Replace rows.
@@ -67,9 +79,9 @@ class Solved:
         Solved
             With those rows.
         """
-        states, closed = self.states.copy(), self.closed.copy()
-        states[rows], closed[rows] = other.states, other.closed
-        return Solved(states, closed)
+        states, closed, kept = self.states.copy(), self.closed.copy(), self.kept.copy()
+        states[rows], closed[rows], kept[rows] = other.states, other.closed, other.kept
+        return Solved(states, closed, kept)
 
     def with_rows_of(self, rows: np.ndarray) -> Solved:
         """Pick rows, any of them several times.
@@ -84,7 +96,84 @@ class Solved:
         Solved
             Those rows.
         """
-        return Solved(self.states[rows], self.closed[rows])
+        return Solved(self.states[rows], self.closed[rows], self.kept[rows])
+
+
+Between = Callable[[FloatArray, FloatArray, FloatArray], FloatArray]
+"""Targets (k, m) at shares (k,) of the way from (k, m) to (k, m)."""
+
+
+def straight(begin: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
+    """Go from one target to another in a straight line, as from motor positions to others.
+
+    Parameters
+    ----------
+    begin, end
+        (k, m) targets [any unit].
+    share
+        (k,) of the way, dimensionless.
+
+    Returns
+    -------
+    numpy.ndarray
+        (k, m) targets [any unit].
+    """
+    return begin + share[:, None] * (end - begin)
+
+
+def solve_on_branch(
+    steps: NewtonSteps,
+    start: FloatArray,
+    start_target: Callable[[np.ndarray], FloatArray],
+    target: FloatArray,
+    between: Between,
+    *,
+    threads: int = 1,
+) -> Solved:
+    """Close every row of an array on the branch of its start.
+
+    Parameters
+    ----------
+    steps
+        What to take.
+    start
+        (1 or N, n) states to start from [any unit].
+    start_target
+        Gives the (k, m) targets that the starts of some rows meet [any unit].
+    target
+        (N, m) targets [any unit].
+    between
+        Leads from the one to the other.
+    threads
+        Number of threads.
+
+    Returns
+    -------
+    Solved
+        States, which of them are closed, and which of them have kept their branch.
+
+    Notes
+    -----
+    Rows of whose branch the first steps leave no doubt are through; the others are followed along the way in stretches
+    short enough for that. What is then not met, but by damped steps, is on another branch, or beyond a singularity.
+    """
+    tolerance = _tolerance(steps)
+    states, gaps = _double_steps(steps.double, start, target, threads)
+    closed = gaps <= tolerance
+    kept = closed & (states[:, -1] <= _CONTRACTION)
+    states = states[:, :-1]
+    left = np.flatnonzero(~kept & np.isfinite(target).all(axis=1))
+    if not len(left):
+        return Solved(states, closed, kept)
+    ends, arrived = _follow(steps, _rows(start, left), start_target(left), target[left], between, threads)
+    came, went = left[arrived], left[~arrived]
+    states[came], closed[came], kept[came] = ends[arrived], True, True
+    again = went[~closed[went]]
+    if len(again):
+        states[again], closed[again] = _damped(
+            steps.damped(), _rows(start, again), target[again], tolerance, threads
+        )
+    return Solved(states, closed, kept)
 
 
 def damped_newton(
@@ -92,22 +181,19 @@ def damped_newton(
     start: FloatArray,
     target: FloatArray,
     *,
-    out: FloatArray | None = None,
     max_iterations: int = 60,
     threads: int = 1,
 ) -> Solved:
-    """Close every row of an array.
+    """Close every row of an array, on whichever branch.
 
     Parameters
     ----------
     steps
         What to take.
     start
-        (N, n) states to start from [any unit].
+        (1 or N, n) states to start from [any unit].
     target
         (N, m) targets [any unit].
-    out
-        (N, n) array for the states; None makes one [any unit].
     max_iterations
         Bound on damped trials of a row.
     threads
@@ -118,30 +204,77 @@ def damped_newton(
     Solved
         States, and which of them are closed.
     """
-    tolerance = _CLOSED if steps.double.dtype == np.float64 else _CLOSED_SINGLE
-    states, closed = _plain(steps.double, start, target, out, tolerance, threads)
+    tolerance = _tolerance(steps)
+    states, gaps = _double_steps(steps.double, start, target, threads)
+    closed, kept = gaps <= tolerance, states[:, -1] <= _CONTRACTION
+    states = states[:, :-1]
     if not closed.all():
         left = np.flatnonzero(~closed)
-        begin, aim = np.broadcast_to(start, states.shape)[left], target[left]
-        states[left], closed[left] = _damped(steps.damped(), begin, aim, tolerance, max_iterations, threads)
-    return Solved(states, closed)
+        states[left], closed[left] = _damped(
+            steps.damped(), _rows(start, left), target[left], tolerance, threads, max_iterations
+        )
+    return Solved(states, closed, kept & closed)
 
 
-def _plain(
-    kernel: ArrayKernel,
-    start: FloatArray,
-    target: FloatArray,
-    out: FloatArray | None,
-    tolerance: float,
-    threads: int,
-) -> tuple[FloatArray, BoolArray]:
-    """Take double steps until a row has closed, or has had enough of them."""
+def _tolerance(steps: NewtonSteps) -> float:
+    return _CLOSED if steps.double.dtype == np.float64 else _CLOSED_SINGLE
+
+
+def _rows(array: FloatArray, rows: np.ndarray) -> FloatArray:
+    return np.repeat(array, len(rows), axis=0) if len(array) == 1 else array[rows]
+
+
+def _double_steps(
+    kernel: ArrayKernel, start: FloatArray, target: FloatArray, threads: int
+) -> tuple[FloatArray, FloatArray]:
+    """Take double steps until a row has closed, or has had enough of them: (N, n + 1) states and (N,) gaps."""
     (state, *_), (following, gap, *_) = kernel.program.inputs, kernel.program.outputs
     # The step after a closed gap leaves nothing but round-off.
-    repeat = Repeat(state.name, following.name, gap.name, tolerance, _DOUBLE_STEPS)
-    room = None if out is None else [out, None]
-    states, gaps = kernel.repeated(repeat)(start, target, out=room, threads=threads)
-    return states, gaps[:, 0] <= tolerance
+    repeat = Repeat(state.name, following.name, gap.name, _kernel_tolerance(kernel), _DOUBLE_STEPS)
+    begin = np.zeros((len(start), state.size), dtype=kernel.dtype)
+    begin[:, :-1] = start
+    if len(begin) == 1 and len(target) != 1:
+        begin = begin[0]
+    states, gaps = kernel.repeated(repeat)(begin, target, threads=threads)
+    return states, gaps[:, 0]
+
+
+def _kernel_tolerance(kernel: ArrayKernel) -> float:
+    return _CLOSED if kernel.dtype == np.float64 else _CLOSED_SINGLE
+
+
+def _follow(
+    steps: NewtonSteps,
+    start: FloatArray,
+    start_target: FloatArray,
+    target: FloatArray,
+    between: Between,
+    threads: int,
+) -> tuple[FloatArray, BoolArray]:
+    """Follow paths of targets, in stretches that are halved where a branch might be lost."""
+    tolerance, stretch = _tolerance(steps), steps.stretch()
+    state, share, length = start.copy(), np.zeros(len(start)), np.full(len(start), 0.5)
+    for _ in range(_STRETCHES):
+        on_the_way = np.flatnonzero((share < 1.0) & (length >= _SHORTEST))
+        if not len(on_the_way):
+            break
+        reach = np.minimum(share[on_the_way] + length[on_the_way], 1.0)
+        aim = between(start_target[on_the_way], target[on_the_way], reach)
+        found, gaps = _double_steps(stretch, state[on_the_way], aim, threads)
+        good = (gaps <= tolerance) & (found[:, -1] <= _CONTRACTION)
+        forward = on_the_way[good]
+        state[forward], share[forward] = found[good, :-1], reach[good]
+        length[forward] *= 2.0
+        length[on_the_way[~good]] /= 4.0
+    # The target itself, which has to be met in all its entries.
+    arrived = share >= 1.0
+    if arrived.any():
+        there = np.flatnonzero(arrived)
+        found, gaps = _double_steps(steps.double, state[there], target[there], threads)
+        good = (gaps <= tolerance) & (found[:, -1] <= _CONTRACTION)
+        state[there] = found[:, :-1]
+        arrived[there] = good
+    return state, arrived
 
 
 def _damped(
@@ -149,8 +282,8 @@ def _damped(
     start: FloatArray,
     target: FloatArray,
     tolerance: float,
-    trials: int,
     threads: int,
+    trials: int = 60,
 ) -> tuple[FloatArray, BoolArray]:
     """Take shorter steps where a full one does not lower the gap."""
     (search, *_), (following, gap) = kernel.program.inputs, kernel.program.outputs
