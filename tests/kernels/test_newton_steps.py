@@ -14,7 +14,7 @@ from stewart_pin.kernels.graph.platform_dynamics import place_platform
 from stewart_pin.kernels.graph.platform_kinematics import pose_equations
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.programs.status import StateStatus
-from stewart_pin.kernels.verbs.newton import NewtonSteps, damped_newton, solve_on_branch, straight
+from stewart_pin.kernels.verbs.newton import NewtonSteps, Plans, damped_newton, solve_on_branch, straight
 from stewart_pin.tolerances import CLOSED
 from tests.closed_states import robot
 from tests.kernels.hexapod_graph import sample_states
@@ -149,8 +149,13 @@ def test_a_branch_is_kept_or_said_to_be_lost() -> None:
     equations = NewtonEquations(x, target, gap, gap, close, lambda x, step: x + step, np.ones(1))
     wanted = np.linspace(-4.0, 40.0, 400)[:, None]
     start = np.array([[1.1]])
+    steps = newton(equations)
     solved = solve_on_branch(
-        newton(equations), start, lambda rows: np.tile(start**3 - 3 * start, (len(rows), 1)), wanted, straight
+        Plans(lambda: [steps]),
+        start,
+        lambda rows: np.tile(start**3 - 3 * start, (len(rows), 1)),
+        wanted,
+        straight,
     )
     roots = np.array([np.real(np.roots([1, 0, -3, -t])).max() for t in wanted[:, 0]])
     beyond = wanted[:, 0] > -2

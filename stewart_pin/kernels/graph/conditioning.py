@@ -59,7 +59,11 @@ def platform_conditioning(
     if reactions:
         share, before = holding_share(placed)
         reduced += [before, _share_reduced(share, placed.values, np.ones(share.shape[0]))]
-    return shared("conditioning", {"pose": placed.pose}, {"conditioning": _smallest(reduced, placed.values)})
+
+    def usual(pivots: ca.SX) -> FloatArray:
+        return np.median(np.abs(placed.values(pivots)), axis=0).ravel()
+
+    return shared("conditioning", {"pose": placed.pose}, {"conditioning": _smallest(reduced, usual)})
 
 
 def tree_conditioning(
@@ -93,7 +97,7 @@ def tree_conditioning(
     if motors:
         share = closed.motions.T @ tree_motor_columns(closed.tree)
         reduced.append(_share_reduced(share, closed.values, closed.motion_scale))
-    return shared("conditioning", {"q": closed.q}, {"conditioning": _smallest(reduced, closed.values)})
+    return shared("conditioning", {"q": closed.q}, {"conditioning": _smallest(reduced, closed.usual)})
 
 
 def _share_reduced(share: ca.SX, values: Callable[[ca.SX], FloatArray], scale: FloatArray) -> Elimination:
@@ -106,10 +110,10 @@ def _share_reduced(share: ca.SX, values: Callable[[ca.SX], FloatArray], scale: F
     return Elimination(share, plan_pivots(sampled, list(range(share.shape[1])), nothing=0.0))
 
 
-def _smallest(reduced: Sequence[Elimination], values: Callable[[ca.SX], FloatArray]) -> ca.SX:
+def _smallest(reduced: Sequence[Elimination], usually: Callable[[ca.SX], FloatArray]) -> ca.SX:
     pivots = [pivot for one in reduced for pivot in one.pivot_expressions()]
     sizes = [size for one in reduced for size in one.pivots.sizes]
-    usual = np.median(np.abs(values(ca.vertcat(*pivots))), axis=0).ravel()
+    usual = usually(ca.vertcat(*pivots))
     # A pivot that is small around home already has lost digits there.
     usual = usual / np.minimum(1.0, np.array(sizes) / _SMALL)
     ratios = [

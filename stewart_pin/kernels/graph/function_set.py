@@ -46,7 +46,7 @@ from stewart_pin.kernels.planning.tree import tree_of
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.typing import BoolArray, FloatArray
+from stewart_pin.typing import BoolArray, Configuration, FloatArray
 
 Coordinates = Literal["platform", "motor", "tree"]
 
@@ -91,6 +91,9 @@ class FunctionSet:
         Closed chain.
     coordinates
         ``"platform"``, ``"motor"`` or ``"tree"``.
+    around
+        (nq,) regular configuration around which functions of the whole tree serve; None is home, where the chain is
+        taken apart into legs if it can be [m, rad, unit quaternions].
 
     Raises
     ------
@@ -98,14 +101,17 @@ class FunctionSet:
         If the coordinates do not determine the chain's motion or its efforts, or a joint or closure has no graph.
     """
 
-    def __init__(self, chain: ClosedChain, coordinates: Coordinates) -> None:
+    def __init__(
+        self, chain: ClosedChain, coordinates: Coordinates, around: Configuration | None = None
+    ) -> None:
         self.chain = chain
+        self._around = around
         self.coordinates: Coordinates = coordinates
         self.placed: PlacedPlatform | None = None
         self.driven_platform: DrivenPlatform | None = None
         self.why_whole_tree = f"{coordinates} coordinates"
         self._written: dict[str, ca.Function] = {}
-        if coordinates != "tree":
+        if coordinates != "tree" and around is None:
             require_idle_without_effect(chain, closed_samples(chain, count=1)[0])
             try:
                 self._take_apart()
@@ -129,7 +135,32 @@ class FunctionSet:
     @cached_property
     def closed(self) -> ClosedTree:
         """The whole tree with its loop rows eliminated."""
-        return whole_tree.close_tree(self.chain)
+        return whole_tree.close_tree(self.chain, self._around)
+
+    @property
+    def replanned(self) -> bool:
+        """Whether other pivots may serve where these do not: legs with closed forms have no choice."""
+        return self.placed is None
+
+    def around(self, q: Configuration) -> FunctionSet:
+        """Choose pivots around another configuration.
+
+        Parameters
+        ----------
+        q
+            (nq,) regular configuration with closed loops [m, rad, unit quaternions].
+
+        Returns
+        -------
+        FunctionSet
+            Of the same chain, in the same coordinates.
+
+        Raises
+        ------
+        UnsupportedError
+            If the loops close at no displacement.
+        """
+        return FunctionSet(self.chain, self.coordinates, q)
 
     def around_home(self, state: str) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Tell from where Newton steps look for a state.

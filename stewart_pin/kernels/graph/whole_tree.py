@@ -24,7 +24,7 @@ from stewart_pin.kernels.planning.spatial import constant
 from stewart_pin.kernels.planning.tree import Tree, tree_of
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_sufficient_motors
-from stewart_pin.typing import FloatArray
+from stewart_pin.typing import Configuration, FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +49,8 @@ class ClosedTree:
         (nv, dof) N, motions that keep the loops closed.
     samples
         (samples, nq) configurations that the pivots were chosen on [m, rad, unit quaternions].
+    around_home
+        (samples, nq) configurations around home, by which it is judged what is usual [m, rad, unit quaternions].
     """
 
     chain: ClosedChain
@@ -59,6 +61,26 @@ class ClosedTree:
     reduced: Elimination
     motions: ca.SX
     samples: FloatArray
+    around_home: FloatArray
+
+    def usual(self, pivots: ca.SX) -> FloatArray:
+        """Tell how large pivots usually are: where they were chosen, or around home if they are larger there.
+
+        Parameters
+        ----------
+        pivots
+            (n, 1) expressions of the configuration.
+
+        Returns
+        -------
+        numpy.ndarray
+            (n,) medians, in the same units.
+        """
+        found = [
+            np.median(np.abs(at_samples([self.q], [samples], pivots)), axis=0).ravel()
+            for samples in (self.samples, self.around_home)
+        ]
+        return np.maximum(*found)
 
     def values(self, matrix: ca.SX) -> FloatArray:
         """Evaluate a matrix of the configuration at the samples.
@@ -81,13 +103,15 @@ class ClosedTree:
         return self.chain.tangent_scale[list(self.reduced.pivots.rows)]
 
 
-def close_tree(chain: ClosedChain) -> ClosedTree:
+def close_tree(chain: ClosedChain, around: Configuration | None = None) -> ClosedTree:
     """Eliminate the loop rows of a chain.
 
     Parameters
     ----------
     chain
         Closed chain.
+    around
+        (nq,) regular configuration around which the pivots serve; None is home [m, rad, unit quaternions].
 
     Returns
     -------
@@ -103,13 +127,14 @@ def close_tree(chain: ClosedChain) -> ClosedTree:
     q = ca.SX.sym("q", tree.nq)
     at = placements(tree.joints, [joint_placement(joint, q[joint.q]) for joint in tree.joints])
     columns = loop_columns(tree, at, q)
-    samples = pivot_samples(chain)
+    around_home = pivot_samples(chain)
+    samples = around_home if around is None else pivot_samples(chain, around)
     values = at_samples([q], [samples], columns.transpose)
     values = values * chain.tangent_scale[:, None] / chain.row_sizes
     pivots: Pivots = plan_pivots(values, list(range(tree.nc)))
     reduced = Elimination(columns.transpose, pivots)
     free = reduced.forward(ca.SX.eye(tree.nv))[list(pivots.rows), :].T
-    return ClosedTree(chain, tree, q, at, columns, reduced, free, samples)
+    return ClosedTree(chain, tree, q, at, columns, reduced, free, samples, around_home)
 
 
 def tree_inverse_dynamics(closed: ClosedTree, v: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]:

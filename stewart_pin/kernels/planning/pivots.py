@@ -83,10 +83,11 @@ def plan_pivots(
     floor = np.maximum(ZERO * np.abs(values).max(axis=(0, 1), initial=0.0), nothing * largest)
     vanishing = _dropped(work, floor)
     rows, left = list(range(values.shape[1])), list(columns)
+    choice = _rank(values[:, :, columns]) < len(columns)
     places, dropped, sizes, score = [], [], [], np.inf
     while left and rows:
         occupied = np.abs(work).max(axis=0) > 0
-        best, quality = _next_pivot(work, occupied, rows, left, set(last_rows))
+        best, quality = _next_pivot(work, occupied, rows, left, set(last_rows), choice=choice)
         if best is None:
             break
         i, j = best
@@ -112,23 +113,43 @@ def _dropped(work: FloatArray, floor: FloatArray) -> frozenset[tuple[int, int]]:
     return frozenset((int(r), int(c)) for r, c in zip(*np.nonzero(gone), strict=True))
 
 
+def _rank(values: FloatArray) -> int:
+    if not values.size:
+        return 0
+    s = np.linalg.svd(values, compute_uv=False)
+    return int(np.count_nonzero(s > _NOTHING * s.max(initial=0.0), axis=1).max())
+
+
 def _next_pivot(
-    work: FloatArray, occupied: np.ndarray, rows: list[int], columns: list[int], last: set[int]
+    work: FloatArray,
+    occupied: np.ndarray,
+    rows: list[int],
+    columns: list[int],
+    last: set[int],
+    *,
+    choice: bool,
 ) -> tuple[tuple[int, int] | None, float]:
-    """Among the safe entries the one that fills in least; where none is safe, the safest."""
+    """Among the safe entries the one that fills in least; where none is safe, the safest.
+
+    Where columns are to be left over, a safe entry is not small beside those of other columns either.
+    """
     count = occupied[np.ix_(rows, columns)]
     in_row, in_column = count.sum(axis=1), count.sum(axis=0)
     best, chosen, quality = None, (np.inf,) * 4, 0.0
+    of_columns = np.abs(work[:, rows][:, :, columns]).max(axis=1)
+    of_all = of_columns.max(axis=1)
     for b, j in enumerate(columns):
-        largest = np.abs(work[:, rows, j]).max(axis=1)
+        largest = of_columns[:, b]
         if not (largest > 0).all():
             continue
+        beside = float((largest / of_all).min()) if choice else 1.0
         for a, i in enumerate(rows):
             if not count[a, b]:
                 continue
             entry = float((np.abs(work[:, i, j]) / largest).min())
             fill = (in_row[a] - 1) * (in_column[b] - 1)
-            key = (float(i in last), 0.0, fill, -entry) if entry >= _SAFE else (2.0, -entry, fill, 0.0)
+            safe = min(entry, beside)
+            key = (float(i in last), 0.0, fill, -entry) if safe >= _SAFE else (2.0, -safe, fill, 0.0)
             if key < chosen:
                 best, chosen, quality = (i, j), key, entry
     return best, quality

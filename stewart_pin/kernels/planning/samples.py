@@ -12,16 +12,18 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.generic import regularity
 from stewart_pin.state.newton import close_loops
-from stewart_pin.typing import FloatArray
+from stewart_pin.typing import Configuration, FloatArray
 
 _REGULAR = 1e-3
 """Share of the usual regularity that a home must have for pivots to be chosen on it."""
-_SPREAD = 0.15
-"""Largest displacement of a joint from home, in robot sizes and radians."""
+_SPREAD, _SPREAD_BESIDE = 0.15, 0.03
+"""Largest displacement of a joint from home, and from a configuration far from it, in robot sizes and radians."""
 
 
-def closed_samples(chain: ClosedChain, *, count: int = 8, seed: int = 0) -> FloatArray:
-    """Draw configurations with closed loops around home.
+def closed_samples(
+    chain: ClosedChain, *, count: int = 8, seed: int = 0, around: Configuration | None = None
+) -> FloatArray:
+    """Draw configurations with closed loops around home, or around another.
 
     Parameters
     ----------
@@ -31,6 +33,8 @@ def closed_samples(chain: ClosedChain, *, count: int = 8, seed: int = 0) -> Floa
         How many.
     seed
         Of the displacements.
+    around
+        (nq,) configuration instead of home [m, rad, unit quaternions].
 
     Returns
     -------
@@ -44,10 +48,10 @@ def closed_samples(chain: ClosedChain, *, count: int = 8, seed: int = 0) -> Floa
     """
     rng = np.random.default_rng(seed)
     found: list[FloatArray] = []
-    spread = _SPREAD
+    spread, centre = (_SPREAD, chain.q_home) if around is None else (_SPREAD_BESIDE, around)
     for _ in range(20 * count):
         step = rng.uniform(-spread, spread, chain.nv) * chain.tangent_scale
-        closure = close_loops(chain, pin.integrate(chain.model, chain.q_home, step), throw=False)
+        closure = close_loops(chain, pin.integrate(chain.model, centre, step), throw=False)
         if closure.success:
             found.append(closure.q)
         else:
@@ -60,21 +64,23 @@ def closed_samples(chain: ClosedChain, *, count: int = 8, seed: int = 0) -> Floa
     )
 
 
-def pivot_samples(chain: ClosedChain) -> FloatArray:
+def pivot_samples(chain: ClosedChain, around: Configuration | None = None) -> FloatArray:
     """Return the configurations on which pivots are chosen: around home, and home itself where it is regular.
 
     Parameters
     ----------
     chain
         Closed chain.
+    around
+        (nq,) regular configuration instead of home [m, rad, unit quaternions].
 
     Returns
     -------
     numpy.ndarray
         (samples, nq) configurations with closed loops [m, rad, unit quaternions].
     """
-    around = closed_samples(chain)
-    return np.vstack([around, chain.q_home]) if regularity(chain.at(chain.q_home)) >= _REGULAR else around
+    samples, centre = closed_samples(chain, around=around), chain.q_home if around is None else around
+    return np.vstack([samples, centre]) if regularity(chain.at(centre)) >= _REGULAR else samples
 
 
 def at_samples(inputs: Sequence[ca.SX], samples: Sequence[FloatArray], matrix: ca.SX) -> FloatArray:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError, UnsupportedError
@@ -24,9 +25,11 @@ from stewart_pin.kernels.verbs.configurations import (
     serves,
     with_unit_quaternions,
 )
-from stewart_pin.kernels.verbs.judges import judged
-from stewart_pin.kernels.verbs.newton import NewtonSteps, Solved, straight
-from stewart_pin.typing import ArrayLike, FloatArray
+from stewart_pin.kernels.verbs.judges import POOR, judged
+from stewart_pin.kernels.verbs.newton import NewtonSteps, Plans, Solved, straight
+from stewart_pin.state.generic import regularity
+from stewart_pin.state.newton import close_loops
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 if TYPE_CHECKING:
     from stewart_pin.kernels.graph.function_set import FunctionSet
@@ -56,6 +59,10 @@ class Places:
 
 _GIVEN = {"platform": "pose", "tree": "q"}
 """What kernels take as it is given, by coordinates; motor positions are never enough."""
+_MOST_PLANS, _LOOKED_AT = 8, 8
+"""Choices of pivots besides the usual one, and states that are looked at for another."""
+_BESIDE, _REGULAR = 1e-3, 1e-2
+"""How far a state that is looked at may be from closed loops, and the share of the usual regularity it must have."""
 _TWICE = 1e3
 """Share of the digits that are lost twice, see `lost_twice`."""
 _SEARCHES = {"pose": "forward_kinematics", "q": "closing"}
@@ -84,8 +91,10 @@ class Caller:
         if self._dtype not in (np.float64, np.float32):
             raise InputError(f"dtype must be float64 or float32, got {self._dtype}")
         self._written: dict[str, Any] = {}
-        self._kernels: dict[tuple[str, bool], ArrayKernel] = {}
+        self._kernels: dict[tuple[str, bool, bool], ArrayKernel] = {}
+        self._measures: dict[str, Any] = {}
         self._starts: dict[str, Starts] = {}
+        self._others: list[Caller] = []
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -145,15 +154,22 @@ class Caller:
         return kernel.single_state()
 
     def _call(self, name: str, inputs: tuple[ArrayLike, ...], places: Places) -> Any:
-        kernel = self._kernel(name, graded=places.conditioning is not None)
+        kernel = self._kernel(name, graded=places.conditioning is not None, wary=self._wary(name))
         if self._takes_state(kernel):
             count = next((len(np.asarray(x)) for x in inputs if np.ndim(x) > 1), None)
             out = self._room(kernel, places, 1 if count is None else count, single=count is None)
-            values = kernel(*inputs, out=out, status=places.status, threads=places.threads)
+            codes = places.status
+            if codes is None and self._wary(name):
+                codes = np.zeros(1 if count is None else count, dtype=np.int8)
+            values = kernel(*inputs, out=out, status=codes, threads=places.threads)
+            if codes is not None and self._wary(name):
+                self._look_again(name, inputs, values, codes, places, single=count is None)
             return values if places.conditioning is None else _without_last(values)
-        return self._call_configurations(kernel, inputs, places)
+        return self._call_configurations(name, kernel, inputs, places)
 
-    def _call_configurations(self, kernel: ArrayKernel, inputs: tuple[ArrayLike, ...], places: Places) -> Any:
+    def _call_configurations(
+        self, name: str, kernel: ArrayKernel, inputs: tuple[ArrayLike, ...], places: Places
+    ) -> Any:
         states, single = self._states(inputs[0])
         solved = self._configurations(states, places.threads, kernel.program.inputs[0].name)
         many = [len(np.asarray(x)) for x in inputs[1:] if np.ndim(x) > 1]
@@ -166,11 +182,80 @@ class Caller:
             out = [None if x is None else x[None] for x in out]
         values = kernel(solved.states, *inputs[1:], out=out, status=codes, threads=places.threads)
         values = values if isinstance(values, tuple) else (values,)
+        if self._wary(name):
+            self._look_again(name, (solved.states, *inputs[1:]), values, codes, places)
         given = self._given(solved, values, places.status, single=single, codes=codes)
         if places.conditioning is None:
             return given
         lost_twice(places.conditioning)
         return _without_last(given)
+
+    def _wary(self, name: str) -> bool:
+        """Whether other pivots may serve a verb where the usual ones do not."""
+        return (
+            self._functions.replanned and not name.endswith("_by_tree") and self._measured(name) is not None
+        )
+
+    def _look_again(
+        self,
+        name: str,
+        inputs: Sequence[ArrayLike],
+        values: Any,
+        codes: np.ndarray,
+        places: Places,
+        *,
+        single: bool = False,
+    ) -> None:
+        """Answer poor rows by the choice of pivots that serves them best."""
+        rows = np.flatnonzero(codes == StateStatus.SINGULAR)
+        if not len(rows):
+            return
+        taken = [np.asarray(x)[rows] if np.ndim(x) > 1 else np.asarray(x) for x in inputs]
+        taken[0] = np.atleast_2d(taken[0])
+        best, best_codes, known = self._best(name, taken, None, 0, places.threads)
+        while True:
+            poor = np.flatnonzero(~(best[-1][:, 0] >= POOR))
+            if not len(poor) or not self._plan_around_one_of(taken[0][poor]):
+                break
+            best, best_codes, known = self._best(name, taken, (best, best_codes), known, places.threads)
+        codes[rows] = best_codes
+        given = values if isinstance(values, tuple) else (values,)
+        for value, found in zip(given, best, strict=False):
+            if single:
+                value[...] = found[0]
+            else:
+                value[rows] = found
+        if places.conditioning is not None and len(given) < len(best):
+            places.conditioning[rows] = best[-1][:, 0]
+
+    def _best(
+        self,
+        name: str,
+        inputs: Sequence[Any],
+        best: tuple[list[FloatArray], np.ndarray] | None,
+        known: int,
+        threads: int,
+    ) -> tuple[list[FloatArray], np.ndarray, int]:
+        """Compare choices of pivots by the conditioning they have, from one on; the last value is the conditioning."""
+        plans = (self, *self._others)
+        values, codes = best if best is not None else ([], np.zeros(0))
+        for plan in plans[known:]:
+            status = np.zeros(len(inputs[0]), dtype=np.int8)
+            found = list(plan._kernel(name, graded=True, wary=False)(*inputs, status=status, threads=threads))
+            if not values:
+                values, codes = found, status
+                continue
+            better = np.flatnonzero(~(values[-1][:, 0] >= found[-1][:, 0]) & np.isfinite(found[-1][:, 0]))
+            codes[better] = status[better]
+            for old, new in zip(values, found, strict=True):
+                old[better] = new[better]
+        return values, codes, len(plans)
+
+    def _measured(self, name: str) -> Any | None:
+        """Conditioning of a function."""
+        if name not in self._measures:
+            self._measures[name] = self._functions.conditioning_of(name, self.casadi(name))
+        return self._measures[name]
 
     def _room(
         self, kernel: ArrayKernel, places: Places, count: int, *, single: bool
@@ -193,7 +278,8 @@ class Caller:
         if state not in self._starts:
             self._starts[state] = self._starting(steps, state)
         between = poses_between if self.coordinates == "platform" else straight
-        return configurations(steps, self._starts[state], targets, between, threads=threads)
+        plans = self._plans(_SEARCHES[state])
+        return configurations(plans, self._starts[state], targets, between, threads=threads)
 
     def _starting(self, steps: NewtonSteps, state: str) -> Starts:
         home, target, beside = self._functions.around_home(state)
@@ -246,21 +332,56 @@ class Caller:
             lambda: self._kernel(f"{equations}_stretch_step"),
         )
 
+    def _plans(self, equations: str) -> Plans:
+        """Give steps by all choices of pivots."""
+        if equations == "forward_kinematics" or not self._functions.replanned:
+            return Plans(lambda: [self._steps(equations)])
+        return Plans(
+            lambda: [one._steps(equations) for one in (self, *self._others)], self._plan_around_one_of
+        )
+
+    def _plan_around_one_of(self, states: FloatArray) -> bool:
+        """Choose other pivots, for one of (k, nq) configurations at which the chain itself is regular."""
+        if len(self._others) >= _MOST_PLANS:
+            return False
+        for k in np.unique(np.linspace(0, len(states) - 1, _LOOKED_AT).astype(int)):
+            state = self._regular(states[k])
+            if state is None:
+                continue
+            try:
+                functions = self._functions.around(state)
+            except UnsupportedError:
+                continue
+            self._others.append(type(self)(functions, self._dtype, self._engine))
+            return True
+        return False
+
+    def _regular(self, q: FloatArray) -> Configuration | None:
+        """Close the loops of a configuration, if that leads to a regular one beside it."""
+        chain = self.chain
+        if not np.isfinite(q).all():
+            return None
+        q = pin.normalize(chain.model, np.array(q, dtype=float))
+        closure = close_loops(chain, q, throw=False)
+        moved = np.abs(pin.difference(chain.model, q, closure.q) / chain.tangent_scale).max(initial=0.0)
+        good = closure.success and moved < _BESIDE and regularity(closure.state) >= _REGULAR
+        return closure.q if good else None
+
     def _takes_state(self, kernel: ArrayKernel) -> bool:
         """Whether a kernel takes what its verb is given, and no configuration that must be found first."""
         return kernel.program.inputs[0].name == _GIVEN.get(self.coordinates)
 
-    def _kernel(self, name: str, *, graded: bool = False) -> ArrayKernel:
-        """Compile a function, at first use; graded: with its conditioning as the last output."""
-        if (name, graded) not in self._kernels:
+    def _kernel(self, name: str, *, graded: bool = False, wary: bool = False) -> ArrayKernel:
+        """Compile a function, at first use; graded: with its conditioning as the last output; wary: see `judged`."""
+        if (name, graded, wary) not in self._kernels:
             function = self.casadi(name)
-            measure = self._functions.conditioning_of(name, function)
-            function, bounds = judged(function, measure, self._dtype, graded=graded)
+            measure = self._measured(name)
+            function, bounds = judged(function, measure, self._dtype, graded=graded, wary=wary)
             derivatives = [output for output in function.name_out() if output.startswith("by_")]
-            self._kernels[name, graded] = compile_function(
+            self._kernels[name, graded, wary] = compile_function(
                 function, bounds=bounds, dtype=self._dtype, engine=self._engine, matrices=derivatives
             )
-        return self._kernels[name, graded]
+        return self._kernels[name, graded, wary]
 
 
 def lost_twice(conditioning: FloatArray) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.verbs.newton import Between, NewtonSteps, Solved, solve_on_branch
+from stewart_pin.kernels.verbs.newton import Between, NewtonSteps, Plans, Solved, solve_on_branch
 from stewart_pin.typing import ArrayLike, FloatArray
 
 UNIT = 2e-6
@@ -53,14 +53,14 @@ def serves(steps: NewtonSteps, state: FloatArray, target: FloatArray) -> bool:
 
 
 def configurations(
-    steps: NewtonSteps, starts: Starts, targets: FloatArray, between: Between, *, threads: int = 1
+    plans: Plans, starts: Starts, targets: FloatArray, between: Between, *, threads: int = 1
 ) -> Solved:
     """Find the configurations, or poses, that meet targets, on the branch of where they are looked for from.
 
     Parameters
     ----------
-    steps
-        Towards a target.
+    plans
+        Steps towards a target.
     starts
         From where, in turn.
     targets
@@ -84,7 +84,7 @@ def configurations(
         def meets(rows: np.ndarray, met: FloatArray = met) -> FloatArray:
             return np.tile(met, (len(rows), 1))
 
-        solved = solve_on_branch(steps, q[None], meets, targets[left], between, threads=threads)
+        solved = solve_on_branch(plans, q[None], meets, targets[left], between, threads=threads)
         found = solved if found is None else found.with_rows(left, solved)
     assert found is not None
     return found

@@ -16,10 +16,12 @@ round-off in single precision."""
 _REGULAR = {"f8": SINGULAR, "f4": 1e-4}
 """Conditioning below which a state is singular: where the one-state verbs say so; in single precision with three digits
 left."""
+POOR = 1e-3
+"""Conditioning below which other pivots are tried."""
 
 
 def judged(
-    function: Any, measure: Any | None, dtype: np.dtype[Any], *, graded: bool = False
+    function: Any, measure: Any | None, dtype: np.dtype[Any], *, graded: bool = False, wary: bool = False
 ) -> tuple[Any, list[StateBound]]:
     """Add the outputs that judge a state.
 
@@ -33,6 +35,8 @@ def judged(
         Type of the kernel.
     graded
         Whether the conditioning is given back, as the last output, of singular states too; nan without a measure.
+    wary
+        Whether states that are `POOR` count as singular already, to be looked at again.
 
     Returns
     -------
@@ -53,8 +57,7 @@ def judged(
         bounds.append(StateBound("quaternion_square", 1 - UNIT, 1 + UNIT))
     if measure is not None:
         outputs["conditioning"] = measure.call(inputs[:1])[0]
-        bounds.append(
-            StateBound("conditioning", lower=_REGULAR[kind], code=StateStatus.SINGULAR, written=graded)
-        )
+        least = POOR if wary else _REGULAR[kind]
+        bounds.append(StateBound("conditioning", lower=least, code=StateStatus.SINGULAR, written=graded))
     results: Any = ca.cse(list(outputs.values()))
     return ca.Function(function.name(), inputs, results, function.name_in(), list(outputs)), bounds

@@ -85,15 +85,15 @@ class KinematicsVerbs(Caller):
             raise InputError(f"there are {len(guess)} guesses for {len(target)} motor positions")
         if self._functions.placed is not None:
             guess = _normalised(guess)
-            steps, begins = self._steps("forward_kinematics"), partial(self._motors_near, guess, target)
-            solved = solve_on_branch(steps, guess, begins, target, straight, threads=threads)
+            plans, begins = self._plans("forward_kinematics"), partial(self._motors_near, guess, target)
+            solved = solve_on_branch(plans, guess, begins, target, straight, threads=threads)
             found = self._given(solved, (solved.states,), status, single=single)
             self._grade(solved.states, conditioning, threads)
             return _copied(found, out)
         begun = self._configurations(_normalised(np.broadcast_to(guess, (len(target), 7))), threads)
         states, motors = begun.states, self.chain.motor_q_index
         solved = solve_on_branch(
-            self._steps("motor_closing"),
+            self._plans("motor_closing"),
             states,
             lambda rows: states[np.ix_(rows, motors)],
             target,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +44,23 @@ class NewtonSteps:
     double: ArrayKernel
     damped: Callable[[], ArrayKernel]
     stretch: Callable[[], ArrayKernel]
+
+
+@dataclass(frozen=True, eq=False)
+class Plans:
+    """Steps by several choices of pivots towards the same targets: where one divides by nothing, another may serve.
+
+    Attributes
+    ----------
+    known
+        Gives the steps of all choices so far, the usual one first.
+    further
+        Makes another choice, for one of the (k, n) states where no choice serves; says whether there is one. None
+        where there is no choice.
+    """
+
+    known: Callable[[], Sequence[NewtonSteps]]
+    further: Callable[[FloatArray], bool] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +139,7 @@ def straight(begin: FloatArray, end: FloatArray, share: FloatArray) -> FloatArra
 
 
 def solve_on_branch(
-    steps: NewtonSteps,
+    plans: Plans,
     start: FloatArray,
     start_target: Callable[[np.ndarray], FloatArray],
     target: FloatArray,
@@ -134,7 +151,7 @@ def solve_on_branch(
 
     Parameters
     ----------
-    steps
+    plans
         What to take.
     start
         (1 or N, n) states to start from [any unit].
@@ -157,6 +174,7 @@ def solve_on_branch(
     Rows of whose branch the first steps leave no doubt are through; the others are followed along the way in stretches
     short enough for that. What is then not met, but by damped steps, is on another branch, or beyond a singularity.
     """
+    steps = plans.known()[0]
     tolerance = _tolerance(steps)
     states, gaps = _double_steps(steps.double, start, target, threads)
     closed = gaps <= tolerance
@@ -165,7 +183,7 @@ def solve_on_branch(
     left = np.flatnonzero(~kept & np.isfinite(target).all(axis=1))
     if not len(left):
         return Solved(states, closed, kept)
-    ends, arrived = _follow(steps, _rows(start, left), start_target(left), target[left], between, threads)
+    ends, arrived = _follow(plans, _rows(start, left), start_target(left), target[left], between, threads)
     came, went = left[arrived], left[~arrived]
     states[came], closed[came], kept[came] = ends[arrived], True, True
     again = went[~closed[went]]
@@ -217,7 +235,11 @@ def damped_newton(
 
 
 def _tolerance(steps: NewtonSteps) -> float:
-    return _CLOSED if steps.double.dtype == np.float64 else _CLOSED_SINGLE
+    return _tolerance_of(steps.double)
+
+
+def _tolerance_of(kernel: ArrayKernel) -> float:
+    return _CLOSED if kernel.dtype == np.float64 else _CLOSED_SINGLE
 
 
 def _rows(array: FloatArray, rows: np.ndarray) -> FloatArray:
@@ -230,7 +252,7 @@ def _double_steps(
     """Take double steps until a row has closed, or has had enough of them: (N, n + 1) states and (N,) gaps."""
     (state, *_), (following, gap, *_) = kernel.program.inputs, kernel.program.outputs
     # The step after a closed gap leaves nothing but round-off.
-    repeat = Repeat(state.name, following.name, gap.name, _kernel_tolerance(kernel), _DOUBLE_STEPS)
+    repeat = Repeat(state.name, following.name, gap.name, _tolerance_of(kernel), _DOUBLE_STEPS)
     begin = np.zeros((len(start), state.size), dtype=kernel.dtype)
     begin[:, :-1] = start
     if len(begin) == 1 and len(target) != 1:
@@ -239,42 +261,55 @@ def _double_steps(
     return states, gaps[:, 0]
 
 
-def _kernel_tolerance(kernel: ArrayKernel) -> float:
-    return _CLOSED if kernel.dtype == np.float64 else _CLOSED_SINGLE
-
-
 def _follow(
-    steps: NewtonSteps,
+    plans: Plans,
     start: FloatArray,
     start_target: FloatArray,
     target: FloatArray,
     between: Between,
     threads: int,
 ) -> tuple[FloatArray, BoolArray]:
-    """Follow paths of targets, in stretches that are halved where a branch might be lost."""
-    tolerance, stretch = _tolerance(steps), steps.stretch()
+    """Follow paths of targets, in stretches that are shortened where a branch might be lost."""
     state, share, length = start.copy(), np.zeros(len(start)), np.full(len(start), 0.5)
     for _ in range(_STRETCHES):
         on_the_way = np.flatnonzero((share < 1.0) & (length >= _SHORTEST))
         if not len(on_the_way):
-            break
+            stuck = np.flatnonzero(share < 1.0)
+            if plans.further is None or not len(stuck) or not plans.further(state[stuck]):
+                break
+            length[stuck] = 0.1
+            continue
         reach = np.minimum(share[on_the_way] + length[on_the_way], 1.0)
         aim = between(start_target[on_the_way], target[on_the_way], reach)
-        found, gaps = _double_steps(stretch, state[on_the_way], aim, threads)
-        good = (gaps <= tolerance) & (found[:, -1] <= _CONTRACTION)
+        stretches = [steps.stretch() for steps in plans.known()]
+        found, good = _by_any(stretches, state[on_the_way], aim, threads)
         forward = on_the_way[good]
-        state[forward], share[forward] = found[good, :-1], reach[good]
+        state[forward], share[forward] = found[good], reach[good]
         length[forward] *= 2.0
         length[on_the_way[~good]] /= 4.0
     # The target itself, which has to be met in all its entries.
     arrived = share >= 1.0
-    if arrived.any():
-        there = np.flatnonzero(arrived)
-        found, gaps = _double_steps(steps.double, state[there], target[there], threads)
-        good = (gaps <= tolerance) & (found[:, -1] <= _CONTRACTION)
-        state[there] = found[:, :-1]
-        arrived[there] = good
+    there = np.flatnonzero(arrived)
+    if len(there):
+        state[there], arrived[there] = _by_any(
+            [steps.double for steps in plans.known()], state[there], target[there], threads
+        )
     return state, arrived
+
+
+def _by_any(
+    kernels: Sequence[ArrayKernel], start: FloatArray, target: FloatArray, threads: int
+) -> tuple[FloatArray, BoolArray]:
+    """Step with the first choice of pivots that serves."""
+    state, good = start.copy(), np.zeros(len(start), dtype=bool)
+    for kernel in kernels:
+        left = np.flatnonzero(~good)
+        if not len(left):
+            break
+        found, gaps = _double_steps(kernel, start[left], target[left], threads)
+        state[left] = found[:, :-1]
+        good[left] = (gaps <= _tolerance_of(kernel)) & (found[:, -1] <= _CONTRACTION)
+    return state, good
 
 
 def _damped(
