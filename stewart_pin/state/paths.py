@@ -29,13 +29,16 @@ from stewart_pin.state.state import State
 from stewart_pin.tolerances import CLOSED, SINGULAR
 from stewart_pin.typing import FloatArray, Tangent
 
-(_gesv,) = get_lapack_funcs(("gesv",), dtype=np.float64)
+_gesv, _getrs = get_lapack_funcs(("gesv", "getrs"), dtype=np.float64)
 _CONTRACTION = 0.25
 """Largest ratio of the second Newton step to the first: half the radius of the theorem for the first."""
 _TURN = 0.6
 """Largest angle by which the first Newton step of a stretch may turn a joint [rad]: farther sines are not straight."""
 _SHORTEST = 1e-5
 """Share of a path below which a stretch is not shortened any more."""
+_Side = tuple[FloatArray, ...] | None
+"""A square matrix of loops and demand with its factors; or the demand's share in a basis of motions, and the basis.
+None where nothing is asked for."""
 _ON_THE_WAY = 1e-8
 """Largest residual at the end of a stretch that is not the last, in natural units."""
 _STANDS_STILL = 1e-9
@@ -233,11 +236,16 @@ def _stretch(begin: State, path: Path, share: float) -> _Stretch:
     goal = CLOSED / 10 if share == 1.0 else _ON_THE_WAY
     angles = begin.chain.angle_mask
     before, worst = 0.0, _largest(residual)
+    first: _Side = None
     for count in range(_MAX_STEPS):
         if worst <= goal:
             return _Stretch(state, count)
-        step = _newton_step(state, path, residual)
+        step, side = _newton_step(state, path, residual)
         if step is None:
+            return _Stretch(None, count)
+        # Where two branches nearly meet, straight on leads to the other one.
+        first = side if count == 0 else first
+        if count and not _same_side(first, side, path.rank):
             return _Stretch(None, count)
         size = float(np.sqrt(step @ step))
         if count == 0:
@@ -265,23 +273,44 @@ def _shortening(contraction: float) -> float:
     return float(np.clip(0.9 * np.sqrt(_CONTRACTION / contraction), 0.1, 0.5))
 
 
-def _newton_step(state: State, path: Path, residual: FloatArray) -> Tangent | None:
-    """Least motion that removes a residual to the first order; None at a singularity."""
+def _newton_step(state: State, path: Path, residual: FloatArray) -> tuple[Tangent | None, _Side]:
+    """Least motion that removes a residual to the first order, None at a singularity; and the side of one it is on."""
     usual, chain = state.chain.generic, state.chain
     rows = path.rows(state)
     if usual.rank == chain.nc and path.rank == rows.shape[0] and chain.nc + path.rank == chain.nv:
-        _, _, step, info = _gesv(np.concatenate([state.rows, rows]), -residual)
-        return step if info == 0 and np.isfinite(step @ step) else None
+        matrix = np.concatenate([state.rows, rows])
+        factors, swaps, step, info = _gesv(matrix, -residual)
+        return step if info == 0 and np.isfinite(step @ step) else None, (matrix, factors, swaps)
     motions = state.motions
     if motions.smallest <= 0:
-        return None
+        return None, None
     across = motions.across(-residual[: chain.nc])
     if not path.rank:
-        return across
-    share = split_motions(rows @ motions.basis, path.rank)
+        return across, None
+    driven = rows @ motions.basis
+    share = split_motions(driven, path.rank)
     if share.smallest <= 0:
-        return None
-    return across + motions.basis @ share.across(-residual[chain.nc :] - rows @ across)
+        return None, None
+    step = across + motions.basis @ share.across(-residual[chain.nc :] - rows @ across)
+    return step, (driven, motions.basis)
+
+
+def _same_side(first: _Side, last: _Side, rank: int) -> bool:
+    """Whether no singularity lies between two states that are near each other."""
+    if first is None or last is None or not first[0].size:
+        return True
+    if len(first) == 3:
+        change = _getrs(first[1], first[2], last[0])[0]
+    else:  # the bases are each turned as they like; idle motions have no share, and surplus rows no motion
+        u, s, vt = np.linalg.svd(first[0], full_matrices=False)
+        u, s, vt = u[:, :rank], s[:rank], vt[:rank]
+        change = (u.T @ last[0] @ (last[1].T @ first[1]) @ vt.T) / s
+    # The change of the matrix is the identity where nothing moves. An eigenvalue that has gone through zero stands for
+    # a singularity; two at once would leave the sign of the determinant.
+    beside = change - np.eye(len(change))
+    if np.einsum("ij,ij", beside, beside) < 1.0:
+        return True
+    return bool((np.linalg.eigvals(change).real > 0.0).all())
 
 
 def _lost(start: State, state: State, share: float, path: Path, system: System, iterations: int) -> Closure:

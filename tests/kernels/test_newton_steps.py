@@ -25,7 +25,9 @@ def square_roots() -> NewtonEquations:
     """x² = target, as the plainest equations with a double root at zero."""
     x, target = ca.SX.sym("x"), ca.SX.sym("target")
     gap = target - x * x
-    return NewtonEquations(x, target, gap, gap, lambda g: g / (2 * x), lambda x, step: x + step, np.ones(1))
+    return NewtonEquations(
+        x, target, gap, gap, lambda g: g / (2 * x), lambda x, step: x + step, np.ones(1), x
+    )
 
 
 def newton(equations: NewtonEquations) -> NewtonSteps:
@@ -77,7 +79,7 @@ def arctangents() -> NewtonEquations:
     x, target = ca.SX.sym("x"), ca.SX.sym("target")
     gap = target - ca.atan(x)
     close = lambda g: g * (1 + x * x)  # noqa: E731
-    return NewtonEquations(x, target, gap, gap, close, lambda x, step: x + step, np.ones(1))
+    return NewtonEquations(x, target, gap, gap, close, lambda x, step: x + step, np.ones(1), ca.SX(1))
 
 
 def test_a_trial_is_accepted_or_made_shorter() -> None:
@@ -136,7 +138,9 @@ def test_a_gap_that_is_partly_no_number_is_not_closed() -> None:
     x, target = ca.SX.sym("x"), ca.SX.sym("target")
     gap = target - x
     size = ca.vertcat(gap, ca.sqrt(x - 2))  # no number below 2, zero at 2
-    equations = NewtonEquations(x, target, gap, size, lambda g: g, lambda x, step: x + step, np.ones(1))
+    equations = NewtonEquations(
+        x, target, gap, size, lambda g: g, lambda x, step: x + step, np.ones(1), ca.SX(1)
+    )
     solved = damped_newton(newton(equations), np.array([[2.5], [2.5]]), np.array([[1.0], [2.0]]))
     assert solved.closed.tolist() == [False, True]
 
@@ -146,7 +150,7 @@ def test_a_branch_is_kept_or_said_to_be_lost() -> None:
     x, target = ca.SX.sym("x"), ca.SX.sym("target")
     gap = target - (x * x * x - 3 * x)
     close = lambda g: g / (3 * x * x - 3)  # noqa: E731
-    equations = NewtonEquations(x, target, gap, gap, close, lambda x, step: x + step, np.ones(1))
+    equations = NewtonEquations(x, target, gap, gap, close, lambda x, step: x + step, np.ones(1), x * x - 1)
     wanted = np.linspace(-4.0, 40.0, 400)[:, None]
     start = np.array([[1.1]])
     steps = newton(equations)

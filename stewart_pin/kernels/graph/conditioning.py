@@ -59,11 +59,7 @@ def platform_conditioning(
     if reactions:
         share, before = holding_share(placed)
         reduced += [before, _share_reduced(share, placed.values, np.ones(share.shape[0]))]
-
-    def usual(pivots: ca.SX) -> FloatArray:
-        return np.median(np.abs(placed.values(pivots)), axis=0).ravel()
-
-    return shared("conditioning", {"pose": placed.pose}, {"conditioning": _smallest(reduced, usual)})
+    return shared("conditioning", {"pose": placed.pose}, {"conditioning": _smallest(reduced, placed.usual)})
 
 
 def tree_conditioning(

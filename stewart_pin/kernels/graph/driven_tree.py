@@ -322,6 +322,7 @@ def closing_equations(driven: DrivenTree) -> NewtonEquations:
         close=lambda gap: driven.reduced.transposed(-gap),
         move=lambda q, step: integrated(tree, q, step),
         sizes=chain.tangent_scale,
+        determinant=driven.reduced.determinant(closed.usual),
     )
 
 

@@ -183,6 +183,11 @@ class FunctionSet:
             return pose, target, self.placed.plan.poses
         return chain.q_home, target, self.closed.samples
 
+    @property
+    def other_elbows(self) -> bool:
+        """Whether motors may lead where the closed forms of legs, on the branch of home, do not."""
+        return self.placed is not None and self.coordinates == "motor" and bool(self.turning.any())
+
     @cached_property
     def turning(self) -> BoolArray:
         """(nu,) whether a motor turns, whose position then counts modulo a turn where a pose tells it."""

@@ -43,6 +43,8 @@ class NewtonEquations:
         Displaces a state.
     sizes
         (j,) natural size of each entry of a displacement [m or rad].
+    determinant
+        (1, 1) changes its sign at singularities.
     """
 
     state: ca.SX
@@ -52,6 +54,7 @@ class NewtonEquations:
     close: Callable[[ca.SX], ca.SX]
     move: Callable[[ca.SX, ca.SX], ca.SX]
     sizes: FloatArray
+    determinant: ca.SX
 
 
 def damped_step(name: str, equations: NewtonEquations) -> ca.Function:
@@ -128,8 +131,9 @@ def double_step(name: str, equations: NewtonEquations) -> ca.Function:
     -------
     casadi.Function
         ``(state, target) -> (next, gap)``, (n + 1, 1) states whose last entry is the largest contraction so far, or
-        what a far move counts as. The gap is that between the moves, h, where it was g before them; or, if less, a
-        thousand times the 4 h² / g that the second move may leave, twice what it is expected to.
+        what a far move counts as, with the sign of the determinant, or 1 where that changes: straight on leads to
+        another branch where two of them nearly meet. The gap is that between the moves, h, where it was g before them;
+        or, if less, a thousand times the 4 h² / g that the second move may leave, twice what it is expected to.
     """
     e = equations
     worst = ca.SX.sym("contraction")
@@ -141,12 +145,14 @@ def double_step(name: str, equations: NewtonEquations) -> ca.Function:
     foretold = _FORETOLD * size * size / (before + _TINY)
     second = e.close(gap)
     one, two = (ca.norm_inf(x / constant(e.sizes)) for x in (first, second))
-    contraction = ca.fmax(two / (one + _ROUND_OFF), one / _FAR)
+    contraction = ca.fmax(ca.fmax(two / (one + _ROUND_OFF), one / _FAR), _TINY)
+    turned = worst * e.determinant < 0
+    signed = ca.if_else(turned, 1, ca.copysign(ca.fmax(ca.fabs(worst), contraction), e.determinant))
     return shared(
         name,
         {"state": ca.vertcat(e.state, worst), "target": e.target},
         {
-            "next": ca.vertcat(e.move(between, second), ca.fmax(worst, contraction)),
+            "next": ca.vertcat(e.move(between, second), signed),
             "gap": ca.if_else(number, ca.fmin(size, foretold), 1),
         },
     )

@@ -75,6 +75,21 @@ class PlacedPlatform:
         """
         return at_samples(*_samples(self.plan, self.pose, self.shifts), matrix)
 
+    def usual(self, pivots: ca.SX) -> FloatArray:
+        """Tell how large pivots usually are.
+
+        Parameters
+        ----------
+        pivots
+            (n, 1) expressions of the pose.
+
+        Returns
+        -------
+        numpy.ndarray
+            (n,) medians over the samples, in the same units.
+        """
+        return np.median(np.abs(self.values(pivots)), axis=0).ravel()
+
     def infeasible(self, *motions: ca.SX) -> dict[str, ca.SX]:
         """Measure what the platform cannot do of a demand, where there is such a thing.
 

@@ -137,6 +137,7 @@ def pose_equations(placed: PlacedPlatform) -> NewtonEquations:
         close=close,
         move=_moved,
         sizes=np.repeat([placed.plan.chain.length_scale, 1.0], 3),
+        determinant=reduced.determinant(placed.usual),
     )
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+
 import casadi as ca
 import numpy as np
 
@@ -55,6 +58,27 @@ class Elimination:
             Pivots in their order.
         """
         return [self.rows[i][j] for i, j in self.pivots.places]
+
+    def determinant(self, usual: Callable[[ca.SX], FloatArray]) -> ca.SX:
+        """Multiply the pivots, each relative to its usual size: zero at singularities, where the sign changes.
+
+        Parameters
+        ----------
+        usual
+            Gives the (n,) usual sizes of (n, 1) expressions.
+
+        Returns
+        -------
+        casadi.SX
+            (1, 1).
+        """
+        pivots = self.pivot_expressions()
+        if not pivots:
+            return ca.SX(1)
+        sizes = usual(ca.vertcat(*pivots))
+        return functools.reduce(
+            lambda x, y: x * y, [p / float(s) for p, s in zip(pivots, sizes, strict=True)]
+        )
 
     def forward(self, right: ca.SX) -> ca.SX:
         """Carry right-hand sides through the elimination.

@@ -184,11 +184,44 @@ class Caller:
         values = values if isinstance(values, tuple) else (values,)
         if self._wary(name):
             self._look_again(name, (solved.states, *inputs[1:]), values, codes, places)
+        if self._functions.other_elbows and not solved.kept.all():
+            solved = self._by_whole_tree(name, (states, *inputs[1:]), solved, values, codes, places)
         given = self._given(solved, values, places.status, single=single, codes=codes)
         if places.conditioning is None:
             return given
         lost_twice(places.conditioning)
         return _without_last(given)
+
+    def _by_whole_tree(
+        self,
+        name: str,
+        inputs: Sequence[ArrayLike],
+        solved: Solved,
+        values: Sequence[FloatArray],
+        codes: np.ndarray,
+        places: Places,
+    ) -> Solved:
+        """Answer rows that no pose of legs with elbows as at home meets: cranks may go through dead centres."""
+        rows = np.flatnonzero(~solved.kept & np.isfinite(np.asarray(inputs[0])).all(axis=1))
+        if not len(rows):
+            return solved
+        if not self._others:
+            self._others.append(
+                type(self)(self._functions.around(self.chain.q_home), self._dtype, self._engine)
+            )
+        taken = [np.asarray(x)[rows] if np.ndim(x) > 1 else np.asarray(x) for x in inputs]
+        status, conditioning = np.zeros(len(rows), dtype=np.int8), None
+        if places.conditioning is not None:
+            conditioning = np.zeros(len(rows), dtype=self._dtype)
+        found = self._others[0]._call(name, tuple(taken), Places(None, status, conditioning, places.threads))
+        for value, new in zip(values, found if isinstance(found, tuple) else (found,), strict=False):
+            value[rows] = new
+        if conditioning is not None and places.conditioning is not None:
+            places.conditioning[rows] = conditioning
+        codes[rows] = status
+        closed, kept = solved.closed.copy(), solved.kept.copy()
+        closed[rows], kept[rows] = True, True  # what became of them stands in their codes
+        return Solved(solved.states, closed, kept)
 
     def _wary(self, name: str) -> bool:
         """Whether other pivots may serve a verb where the usual ones do not."""

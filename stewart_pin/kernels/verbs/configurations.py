@@ -87,7 +87,8 @@ def configurations(
         solved = solve_on_branch(plans, q[None], meets, targets[left], between, threads=threads)
         found = solved if found is None else found.with_rows(left, solved)
     assert found is not None
-    return found
+    # Where home is singular branches meet, and any of them will do.
+    return found if len(starts.states) == 1 else Solved(found.states, found.closed, found.closed)
 
 
 def poses_between(begin: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:

@@ -178,7 +178,7 @@ def solve_on_branch(
     tolerance = _tolerance(steps)
     states, gaps = _double_steps(steps.double, start, target, threads)
     closed = gaps <= tolerance
-    kept = closed & (states[:, -1] <= _CONTRACTION)
+    kept = closed & (np.abs(states[:, -1]) <= _CONTRACTION)
     states = states[:, :-1]
     left = np.flatnonzero(~kept & np.isfinite(target).all(axis=1))
     if not len(left):
@@ -224,7 +224,7 @@ def damped_newton(
     """
     tolerance = _tolerance(steps)
     states, gaps = _double_steps(steps.double, start, target, threads)
-    closed, kept = gaps <= tolerance, states[:, -1] <= _CONTRACTION
+    closed, kept = gaps <= tolerance, np.abs(states[:, -1]) <= _CONTRACTION
     states = states[:, :-1]
     if not closed.all():
         left = np.flatnonzero(~closed)
@@ -308,7 +308,7 @@ def _by_any(
             break
         found, gaps = _double_steps(kernel, start[left], target[left], threads)
         state[left] = found[:, :-1]
-        good[left] = (gaps <= _tolerance_of(kernel)) & (found[:, -1] <= _CONTRACTION)
+        good[left] = (gaps <= _tolerance_of(kernel)) & (np.abs(found[:, -1]) <= _CONTRACTION)
     return state, good
 
 
