@@ -125,7 +125,12 @@ class FunctionSet:
     @cached_property
     def closed(self) -> ClosedTree:
         """The whole tree with its loop rows eliminated."""
-        return whole_tree.close_tree(self.chain)
+        return whole_tree.close_tree(self.chain, closed=self.coordinates != "tree")
+
+    @cached_property
+    def any_state(self) -> ClosedTree:
+        """The same for states that may be a little off closed loops."""
+        return self.closed if self.coordinates == "tree" else whole_tree.close_tree(self.chain)
 
     def around_home(self, state: str) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Tell from where Newton steps look for a state.
@@ -244,7 +249,7 @@ class FunctionSet:
         if name not in self.names:
             raise InputError(f"name must be one of {', '.join(self.names)}, got {name!r}")
         if name in _TREE:
-            return _TREE[name](self.closed)
+            return _TREE[name](self.any_state)
         if name in _BY_TREE:
             return self._by_tree(name)
         if self.coordinates == "tree":

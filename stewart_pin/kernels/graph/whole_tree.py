@@ -81,13 +81,16 @@ class ClosedTree:
         return self.chain.tangent_scale[list(self.reduced.pivots.rows)]
 
 
-def close_tree(chain: ClosedChain) -> ClosedTree:
+def close_tree(chain: ClosedChain, *, closed: bool = False) -> ClosedTree:
     """Eliminate the loop rows of a chain.
 
     Parameters
     ----------
     chain
         Closed chain.
+    closed
+        Whether the loops will be closed to round-off, as where the configuration is solved for: it takes fewer
+        operations.
 
     Returns
     -------
@@ -101,7 +104,7 @@ def close_tree(chain: ClosedChain) -> ClosedTree:
     """
     tree = tree_of(chain)
     q = ca.SX.sym("q", tree.nq)
-    at = placements(tree.joints, [joint_placement(joint, q[joint.q]) for joint in tree.joints])
+    at = placements(tree.joints, [joint_placement(joint, q[joint.q]) for joint in tree.joints], closed=closed)
     columns = loop_columns(tree, at, q)
     samples = closed_samples(chain)
     values = at_samples([q], [samples], columns.transpose)
@@ -232,7 +235,7 @@ def tree_bias(closed: ClosedTree, v: ca.SX) -> ca.SX:
     """
     joints, still = closed.tree.joints, ca.SX.zeros(closed.tree.nv)
     drifting = motions(joints, closed.at, v, still, at_rest(ca.SX.zeros(3)))
-    return loop_bias(closed.tree, closed.at, drifting, closed.columns, closed.q, v)
+    return loop_bias(closed.tree, closed.at, drifting, closed.q, v)
 
 
 def inertia_times(closed: ClosedTree, directions: ca.SX) -> ca.SX:
