@@ -138,7 +138,7 @@ def tree_inverse_dynamics(closed: ClosedTree, v: ca.SX, a: ca.SX) -> tuple[ca.SX
     tree, chain = closed.tree, closed.chain
     require_sufficient_motors(chain)
     falling = at_rest(constant(tree.gravity))
-    demanded = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
+    demanded = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling), a)
     tau_motor, needed = motor_efforts(
         closed, demanded, lambda idle, scale: let_idle_go(closed, demanded, idle, scale)
     )
@@ -205,7 +205,7 @@ def tree_forward_dynamics(closed: ClosedTree, v: ca.SX, tau_motor: ca.SX) -> tup
     tree, chain = closed.tree, closed.chain
     a = closed.reduced.transposed(-tree_bias(closed, v))
     falling = at_rest(constant(tree.gravity))
-    needed = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
+    needed = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling), a)
     left = needed - motor_columns(tree) @ tau_motor
     moved = inertia_times(closed, closed.motions)
     inertia = closed.motions.T @ moved
@@ -255,8 +255,8 @@ def inertia_times(closed: ClosedTree, directions: ca.SX) -> ca.SX:
     """
     joints, still, floating = closed.tree.joints, ca.SX.zeros(closed.tree.nv), at_rest(ca.SX.zeros(3))
     columns = [
-        tree_efforts(joints, closed.at, motions(joints, closed.at, still, directions[:, k], floating))
-        for k in range(directions.shape[1])
+        tree_efforts(joints, closed.at, motions(joints, closed.at, still, one, floating), one)
+        for one in ca.horzsplit(directions)
     ]
     return ca.horzcat(*columns) if columns else ca.SX(closed.tree.nv, 0)
 
