@@ -17,7 +17,8 @@ from stewart_pin.kernels.running.arrays import require_apart, require_out
 from stewart_pin.kernels.running.single_state import SingleState
 from stewart_pin.kernels.verbs.configurations import as_rows, configurations, starts, with_unit_quaternions
 from stewart_pin.kernels.verbs.judges import judged
-from stewart_pin.kernels.verbs.newton import NewtonSteps, Solved
+from stewart_pin.kernels.verbs.newton import NewtonSteps, OneSearch, Solved
+from stewart_pin.kernels.verbs.searching import SearchingState
 from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:
@@ -50,6 +51,8 @@ _GIVEN = {"platform": "pose", "tree": "q"}
 """What kernels take as it is given, by coordinates; motor positions are never enough."""
 _SEARCHES = {"pose": "forward_kinematics", "q": "closing"}
 """Equations that lead to what kernels take."""
+_OF_POSES = ("inverse_kinematics", "forward_kinematics", "motor_jacobian")
+"""Verbs of platform coordinates alone."""
 
 
 class Caller:
@@ -105,34 +108,103 @@ class Caller:
             self._written[name] = self._functions.function(name)
         return self._written[name]
 
-    def single_state(self, verb: str) -> SingleState:
+    def single_state(self, verb: str) -> SingleState | SearchingState:
         """Compile a verb for one state at a time, called with a tenth of the overhead.
 
         Parameters
         ----------
         verb
-            Name of a verb, as ``"inverse_dynamics"``.
+            Name of a verb, as ``"inverse_dynamics"``; those that differentiate by the geometry do so by each parameter.
 
         Returns
         -------
-        SingleState
-            Function of one state; its results are those of the verb, bit for bit.
+        SingleState or SearchingState
+            Function of one state; its results are those of the verb, bit for bit, in fresh arrays unless it is called
+            with ``out=``. The second looks for the pose or the configuration first, as the verb does.
 
         Raises
         ------
         InputError
             If there is no such verb.
         UnsupportedError
-            If the verb first looks for the configuration by Newton steps.
+            If the verb is not for these coordinates.
         """
+        if verb in _OF_POSES:
+            self._require_platform(verb)
+            if verb == "forward_kinematics" or (verb == "inverse_kinematics" and not self.by_legs):
+                return SearchingState(self, verb)
+        if verb in ("inverse_dynamics_geometry", "forward_dynamics_geometry"):
+            return SearchingState(self, verb)
         self.casadi(verb)
         kernel = self._kernel(verb)
-        if not self._takes_state(kernel):
-            raise UnsupportedError(
-                f"{verb} of {self.chain.name} in {self.coordinates} coordinates looks for the configuration first; "
-                "compile kernels with coordinates='tree' for single states"
-            )
-        return kernel.single_state()
+        if self._takes_state(kernel) or kernel.program.inputs[0].name not in _SEARCHES:
+            return kernel.single_state()
+        return SearchingState(self, verb)
+
+    def single_program(self, name: str) -> SingleState:
+        """Compile a function for one state at a time, as it is.
+
+        Parameters
+        ----------
+        name
+            One of `names`.
+
+        Returns
+        -------
+        SingleState
+            Of what the function takes: pose or configuration where these must be found first.
+        """
+        return self._kernel(name).single_state()
+
+    def search(self, state: str, equations: str | None = None, *, from_home: bool = True) -> OneSearch:
+        """Prepare the search for what a function takes.
+
+        Parameters
+        ----------
+        state
+            ``"pose"`` or ``"q"``.
+        equations
+            What is solved; default: what leads from the kernels' coordinates to that state.
+        from_home
+            Whether calls need no start of their own.
+
+        Returns
+        -------
+        OneSearch
+            For one state at a time.
+        """
+        steps = self._steps(_SEARCHES[state] if equations is None else equations)
+        return OneSearch(steps, self._start(state, steps) if from_home else np.zeros((0, 0)))
+
+    def takes(self, state: str) -> bool:
+        """Tell whether what a function takes is what its verb is given.
+
+        Parameters
+        ----------
+        state
+            ``"pose"`` or ``"q"``.
+
+        Returns
+        -------
+        bool
+            False where it must be found first.
+        """
+        return state == _GIVEN.get(self.coordinates)
+
+    @property
+    def blocked(self) -> np.ndarray:
+        """(parameters,) of bool, dimensionless: displacements of the geometry along which there is no derivative."""
+        return ~self._functions.displacements.alone
+
+    @property
+    def by_legs(self) -> bool:
+        """Whether the chain comes apart into a platform and legs with closed forms."""
+        return self._functions.placed is not None
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the arrays and of every operation."""
+        return self._dtype
 
     def _call(self, name: str, inputs: tuple[ArrayLike, ...], places: Places) -> Any:
         kernel = self._kernel(name, graded=places.conditioning is not None)
@@ -177,9 +249,12 @@ class Caller:
     def _configurations(self, targets: FloatArray, threads: int, state: str = "q") -> Solved:
         """Find configurations, or poses where the kernel that takes them is satisfied with these."""
         steps = self._steps(_SEARCHES[state])
+        return configurations(steps, self._start(state, steps), targets, threads=threads)
+
+    def _start(self, state: str, steps: NewtonSteps) -> FloatArray:
         if state not in self._starts:
             self._starts[state] = starts(steps, *self._functions.around_home(state))
-        return configurations(steps, self._starts[state], targets, threads=threads)
+        return self._starts[state]
 
     def _states(self, position: ArrayLike) -> tuple[FloatArray, bool]:
         if self.coordinates == "platform":

@@ -7,7 +7,7 @@ import numpy as np
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.running.arrays import require_out
 from stewart_pin.kernels.verbs.calling import Caller, Places
-from stewart_pin.kernels.verbs.configurations import as_poses, as_rows
+from stewart_pin.kernels.verbs.configurations import as_poses, as_rows, normalised
 from stewart_pin.kernels.verbs.newton import damped_newton
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -89,7 +89,7 @@ class KinematicsVerbs(Caller):
             found = self._given(solved, (solved.states,), status, single=single)
             self._grade(solved.states, conditioning, threads)
             return found if room is not None else _copied(found, out)
-        begun = self._configurations(_normalised(np.broadcast_to(guess, (len(target), 7))), threads)
+        begun = self._configurations(normalised(np.broadcast_to(guess, (len(target), 7))), threads)
         solved = damped_newton(self._steps("motor_closing"), begun.states, target, threads=threads)
         self._grade(solved.states, conditioning, threads)
         position, rotation = self._kernel("platform_pose")(solved.states, threads=threads)
@@ -154,12 +154,6 @@ class KinematicsVerbs(Caller):
         if conditioning is not None:
             require_out("conditioning", conditioning, (len(states),), self._dtype)
             self._kernel("conditioning")(states, out=conditioning[:, None], threads=threads)
-
-
-def _normalised(poses: FloatArray) -> FloatArray:
-    """Give quaternions unit length; none has no direction, and becomes nan."""
-    length = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
-    return np.hstack([poses[:, :3], poses[:, 3:] / np.where(length > 0, length, np.nan)])
 
 
 def _copied(found: FloatArray, out: FloatArray | None) -> FloatArray:

@@ -118,13 +118,69 @@ def damped_newton(
     Solved
         States, and which of them are closed.
     """
-    tolerance = _CLOSED if steps.double.dtype == np.float64 else _CLOSED_SINGLE
+    tolerance = _tolerance(steps.double)
     states, closed = _plain(steps.double, start, target, out, tolerance, threads)
     if not closed.all():
         left = np.flatnonzero(~closed)
         begin, aim = np.broadcast_to(start, states.shape)[left], target[left]
         states[left], closed[left] = _damped(steps.damped(), begin, aim, tolerance, max_iterations, threads)
     return Solved(states, closed)
+
+
+class OneSearch:
+    """Newton's method for one state at a time, with the results of `damped_newton`, bit for bit.
+
+    Parameters
+    ----------
+    steps
+        What to take.
+    begin
+        (n, size) states to try in turn where a call names none [any unit].
+    """
+
+    def __init__(self, steps: NewtonSteps, begin: FloatArray) -> None:
+        self._steps, self._begin = steps, begin
+        self._tolerance = _tolerance(steps.double)
+        self._plain = steps.double.repeated(_double_steps(steps.double)).single_state()
+
+    def __call__(self, target: FloatArray, start: FloatArray | None = None) -> tuple[FloatArray, bool]:
+        """Close one state.
+
+        Parameters
+        ----------
+        target
+            (m,) target [any unit].
+        start
+            (n,) state to start from; None takes the usual ones in turn [any unit].
+
+        Returns
+        -------
+        state : numpy.ndarray
+            (n,) the best that was reached [any unit].
+        closed : bool
+            Whether it is closed.
+        """
+        state, closed = np.zeros(0), False
+        for begin in self._begin if start is None else (start,):
+            state, gap = self._plain(begin, target)
+            closed = bool(gap[0] <= self._tolerance)
+            if not closed:
+                solved = damped_newton(self._steps, begin[None], target[None])
+                state, closed = solved.states[0], bool(solved.closed[0])
+            if closed:
+                break
+        return state, closed
+
+
+def _tolerance(kernel: ArrayKernel) -> float:
+    return _CLOSED if kernel.dtype == np.float64 else _CLOSED_SINGLE
+
+
+def _double_steps(kernel: ArrayKernel) -> Repeat:
+    """Double steps until a row has closed, or has had enough of them."""
+    (state, *_), (following, gap, *_) = kernel.program.inputs, kernel.program.outputs
+    # The step after a closed gap leaves nothing but round-off.
+    return Repeat(state.name, following.name, gap.name, _tolerance(kernel), _DOUBLE_STEPS)
 
 
 def _plain(
@@ -136,11 +192,8 @@ def _plain(
     threads: int,
 ) -> tuple[FloatArray, BoolArray]:
     """Take double steps until a row has closed, or has had enough of them."""
-    (state, *_), (following, gap, *_) = kernel.program.inputs, kernel.program.outputs
-    # The step after a closed gap leaves nothing but round-off.
-    repeat = Repeat(state.name, following.name, gap.name, tolerance, _DOUBLE_STEPS)
     room = None if out is None else [out, None]
-    states, gaps = kernel.repeated(repeat)(start, target, out=room, threads=threads)
+    states, gaps = kernel.repeated(_double_steps(kernel))(start, target, out=room, threads=threads)
     return states, gaps[:, 0] <= tolerance
 
 

@@ -178,7 +178,7 @@ class Plant:
         if self._kernel is not None:
             a, _ = self._kernel(q, v, tau_motor)
             if self._kernel.status is StateStatus.OK:
-                return np.array(a)
+                return a
             # A pivot has grown small, or the state is singular: the careful way knows.
         tau = self._tau
         tau[self.chain.motor_index] = tau_motor
@@ -234,7 +234,7 @@ class Plant:
         if self._projector is not None:
             closed_q, closed_v, gap = self._projector(q, v)
             if self._projector.status is StateStatus.OK:
-                return np.array(closed_q), np.array(closed_v), float(gap[0])
+                return closed_q, closed_v, float(gap[0])
             # Farther from closed, singular, or the step was too long: the careful way knows.
         state = State(self.chain, q)
         if not self.rows.size:

@@ -1,0 +1,150 @@
+"""A verb for one state at a time that first looks for the pose or the whole configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stewart_pin.errors import InputError
+from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.kernels.running.arrays import require_out
+from stewart_pin.kernels.verbs.configurations import as_poses, normalised, with_unit_quaternions
+from stewart_pin.typing import ArrayLike, FloatArray
+
+if TYPE_CHECKING:
+    from stewart_pin.kernels.verbs.calling import Caller
+
+Answer = tuple[tuple[FloatArray, ...], StateStatus]
+"""Results of one state, and what became of it."""
+
+
+class SearchingState:
+    """A verb that is called with one state and looks for pose or configuration first; made by `Kernels.single_state`.
+
+    One thread at a time: each thread makes its own.
+
+    Parameters
+    ----------
+    caller
+        Kernels.
+    verb
+        Name of the verb.
+    """
+
+    def __init__(self, caller: Caller, verb: str) -> None:
+        self._made_from = (caller, verb)
+        self._names, self._sizes, self._answer = _prepared(caller, verb)
+        self._dtype = caller.dtype
+        self.status = StateStatus.OK
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return SearchingState, self._made_from
+
+    def __call__(self, *inputs: ArrayLike, out: FloatArray | Sequence[FloatArray] | None = None) -> Any:
+        """Evaluate the verb.
+
+        Parameters
+        ----------
+        *inputs
+            The verb's arrays, each of one state [any unit].
+        out
+            Array for the result, or one for each, to write to [any unit]; None makes fresh ones.
+
+        Returns
+        -------
+        numpy.ndarray or tuple of numpy.ndarray
+            What the verb gives for this state, bit for bit [any unit]; nan unless ``status`` is OK.
+
+        Raises
+        ------
+        InputError
+            If number, shape or type of an argument does not fit.
+        """
+        if len(inputs) != len(self._names):
+            raise InputError(
+                f"{self._made_from[1]} takes {len(self._names)} arrays ({', '.join(self._names)}), got {len(inputs)}"
+            )
+        taken = [_one(*named, x) for *named, x in zip(self._names, self._sizes, inputs, strict=True)]
+        results, self.status = self._answer(*taken)
+        if self.status is not StateStatus.OK:
+            results = tuple(np.full(x.shape, np.nan, dtype=x.dtype) for x in results)
+        if out is not None:
+            given = (out,) if isinstance(out, np.ndarray) else tuple(out)
+            if len(given) != len(results):
+                raise InputError(f"out must hold {len(results)} arrays, got {len(given)}")
+            for place, result in zip(given, results, strict=True):
+                require_out("out", place, result.shape, result.dtype)
+                place[...] = result
+            results = given
+        return results[0] if len(results) == 1 else results
+
+
+def _one(name: str, size: int, value: ArrayLike) -> FloatArray:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be an array of real numbers, got {value!r}") from None
+    if array.shape != (size,):
+        raise InputError(f"{name} must be one state of shape ({size},), got {array.shape}")
+    return array
+
+
+def _prepared(caller: Caller, verb: str) -> tuple[tuple[str, ...], tuple[int, ...], Callable[..., Answer]]:
+    """Names and sizes of the arguments, and what makes the answer of them."""
+    nu = caller.chain.nu
+    if verb == "forward_kinematics":
+        return ("q_motor", "pose_guess"), (nu, 7), _forward_kinematics(caller)
+    first = ("pose", {"platform": 7, "motor": nu, "tree": caller.chain.nq}[caller.coordinates])
+    if verb == "inverse_kinematics":
+        search, motors = caller.search("q"), caller.chain.motor_q_index
+
+        def positions(pose: FloatArray) -> Answer:
+            q, closed = search(with_unit_quaternions(pose[None])[0])
+            return (q[motors],), _status(closed)
+
+        return (first[0],), (first[1],), positions
+    by_geometry = verb.endswith("_geometry")
+    kernel = caller.single_program(verb.replace("_geometry", "_by_tree"))
+    blocked = caller.blocked if by_geometry else None
+    ports = kernel.program.inputs
+    search = None if caller.takes(ports[0].name) else caller.search(ports[0].name)
+    unit = caller.coordinates == "platform" and search is not None
+
+    def answer(position: FloatArray, *rest: FloatArray) -> Answer:
+        target = with_unit_quaternions(position[None])[0] if unit else position
+        state, closed = (target, True) if search is None else search(target)
+        if not closed:
+            return tuple(np.empty(x.shape, dtype=x.dtype) for x in kernel.outputs), StateStatus.OUT_OF_BOUNDS
+        found = kernel(state, *rest)
+        if blocked is not None:
+            found[:, blocked] = np.nan
+        return found if isinstance(found, tuple) else (found,), kernel.status
+
+    names = (first[0], *(port.name for port in ports[1:]))
+    return names, (first[1], *(port.size for port in ports[1:])), answer
+
+
+def _forward_kinematics(caller: Caller) -> Callable[..., Answer]:
+    if caller.by_legs:
+        search = caller.search("pose", from_home=False)
+
+        def by_legs(q_motor: FloatArray, guess: FloatArray) -> Answer:
+            pose, closed = search(q_motor, guess)
+            return (pose,), _status(closed)
+
+        return by_legs
+    begin, towards = caller.search("q"), caller.search("q", "motor_closing", from_home=False)
+    platform = caller.single_program("platform_pose")
+
+    def by_tree(q_motor: FloatArray, guess: FloatArray) -> Answer:
+        q, closed = towards(q_motor, begin(normalised(guess[None])[0])[0])
+        position, rotation = platform(q)
+        return (as_poses(position.reshape(1, 3), rotation.reshape(1, 3, 3))[0],), _status(closed)
+
+    return by_tree
+
+
+def _status(closed: bool) -> StateStatus:
+    return StateStatus.OK if closed else StateStatus.OUT_OF_BOUNDS
