@@ -59,10 +59,11 @@ class Plant:
         self.model = self.chain.model
         self._data = pin.Data(self.model)
         self._scale, self._sizes = chain.tangent_scale, chain.row_sizes
+        self._rotors = np.array(self.model.armature)
         self._tau = np.zeros(chain.nv)
         self.rows = np.arange(chain.nc)
         self._candidates = kernels
-        self._prepare(q, v)
+        self._prepare(q, v, own_rotors=self.chain is not chain)
 
     def _fits(self, q: Configuration, v: Tangent, expected: Tangent) -> bool:
         a = self.acceleration(q, v, np.zeros(self.chain.nu))
@@ -81,7 +82,7 @@ class Plant:
         if projector.status is StateStatus.OK and off < 1e-8 * usual:
             self._projector = projector
 
-    def _prepare(self, q: Configuration, v: Tangent) -> None:
+    def _prepare(self, q: Configuration, v: Tangent, *, own_rotors: bool) -> None:
         state = State(self.chain, q, v)
         self.select_rows(state)
         # The careful verb knows every reason why there is no acceleration, and says which.
@@ -93,7 +94,7 @@ class Plant:
         self._kernel: SingleState | None = None
         self._projector: SingleState | None = None
         if self._candidates is not None:
-            if not self.model.armature.any():
+            if not own_rotors:  # compiled code knows the rotors of the model, not those of the simulation
                 self._kernel = self._candidates.acceleration
                 if not self._fits(q, v, expected):
                     self._kernel = None
@@ -177,7 +178,7 @@ class Plant:
         if self._kernel is not None:
             a, _ = self._kernel(q, v, tau_motor)
             if self._kernel.status is StateStatus.OK:
-                return np.array(a)
+                return a
             # A pivot has grown small, or the state is singular: the careful way knows.
         tau = self._tau
         tau[self.chain.motor_index] = tau_motor
@@ -233,7 +234,7 @@ class Plant:
         if self._projector is not None:
             closed_q, closed_v, gap = self._projector(q, v)
             if self._projector.status is StateStatus.OK:
-                return np.array(closed_q), np.array(closed_v), float(gap[0])
+                return closed_q, closed_v, float(gap[0])
             # Farther from closed, singular, or the step was too long: the careful way knows.
         state = State(self.chain, q)
         if not self.rows.size:
@@ -291,9 +292,9 @@ class Plant:
             [J].
         """
         model, unit = self.chain.mass_model, self.chain.mass_unit
-        kinetic = pin.computeKineticEnergy(model, self._data, q, v)
+        kinetic = pin.computeKineticEnergy(model, self._data, q, v)  # of the bodies; rotors come beside
         potential = pin.computePotentialEnergy(model, self._data, q)
-        return float(unit * (kinetic + potential))  # rotors included
+        return float(unit * (kinetic + potential) + self._rotors @ (v * v) / 2)
 
 
 def _with_motor_inertia(chain: ClosedChain, inertia: FloatArray) -> ClosedChain:
