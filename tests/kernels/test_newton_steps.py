@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import casadi as ca
 import numpy as np
@@ -35,8 +36,8 @@ def square_roots() -> NewtonEquations:
 def newton(equations: NewtonEquations) -> NewtonSteps:
     return NewtonSteps(
         compile_function(double_step("double", equations)),
-        lambda: compile_function(damped_step("damped", equations)),
-        lambda: compile_function(stretch_step("stretch", equations)),
+        cache(lambda: compile_function(damped_step("damped", equations))),
+        cache(lambda: compile_function(stretch_step("stretch", equations))),
     )
 
 
