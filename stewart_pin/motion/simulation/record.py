@@ -9,9 +9,39 @@ import pinocchio as pin
 
 from stewart_pin.errors import ConvergenceError
 from stewart_pin.motion.simulation.events import Event
+from stewart_pin.motion.simulation.plant import PlantMemory
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What the parts of a run remember, so that another one goes on to the same bits.
+
+    Attributes
+    ----------
+    plant
+        Ways of computing chosen so far, and the loop rows.
+    gap
+        Largest entry of the loop gap [m].
+    first_step
+        Step of an adaptive method [s].
+    account
+        Of the energy account [J].
+    doubt
+        Error of the quadrature of work [J].
+    watcher, loops
+        Which events last.
+    """
+
+    plant: PlantMemory
+    gap: float
+    first_step: float | None
+    account: tuple[float, float, float, float] | None
+    doubt: float
+    watcher: tuple[np.ndarray, bool]
+    loops: tuple[bool, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +68,10 @@ class SimulationState:
         Step at which a sampled controller acted last, or -1.
     supplied, dissipated
         Work of the motors, and heat, since the first start [J].
+    turned
+        (n,) angles of the continuous joints, whole turns counted [rad]; None: not yet turned.
+    memory
+        What the parts of the run remember; None: a state made by hand.
     """
 
     origin: float
@@ -50,6 +84,8 @@ class SimulationState:
     sampled: int = -1
     supplied: float = 0.0
     dissipated: float = 0.0
+    turned: FloatArray | None = None
+    memory: Memory | None = None
 
     @property
     def time(self) -> float:
@@ -73,6 +109,10 @@ class Simulation:
         (N, nu) efforts that the drives gave, limits included, friction not [N or N m].
     platform
         Measured motion of the platform frame at these instants, in the world.
+    turned
+        (N, n) angles of the continuous joints, whole turns counted; at the start between -π and π [rad].
+    turning_joints
+        Their names, n of them.
     energy
         (N,) kinetic and potential energy, motor inertia and springs of end stops included [J].
     supplied
@@ -100,6 +140,8 @@ class Simulation:
     v: FloatArray
     tau_motor: FloatArray
     platform: PlatformSamples
+    turned: FloatArray
+    turning_joints: tuple[str, ...]
     energy: FloatArray
     supplied: FloatArray
     dissipated: FloatArray
@@ -132,6 +174,23 @@ class Simulation:
         raise ConvergenceError(f"the simulation ended early: {self.reason}", residual=self.largest_gap)
 
 
+class SimulationInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a simulation: a `KeyboardInterrupt` that holds the part that ran.
+
+    Attributes
+    ----------
+    simulation
+        What was recorded until then; its ``final_state`` can be passed to `resume`.
+    """
+
+    def __init__(self, message: str, simulation: Simulation) -> None:
+        super().__init__(message, simulation)
+        self.simulation = simulation
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
 class Recorder:
     """Arrays of a run, filled in order.
 
@@ -141,9 +200,13 @@ class Recorder:
         Closed chain.
     size
         Number of instants that will be recorded at most.
+    turning_joints
+        Names of the continuous joints.
     """
 
-    def __init__(self, chain: ClosedChain, size: int) -> None:
+    def __init__(self, chain: ClosedChain, size: int, turning_joints: tuple[str, ...]) -> None:
+        self._joints = turning_joints
+        self._turned = np.empty((size, len(turning_joints)))
         self._chain, self._data = chain, pin.Data(chain.model)
         self._count = 0
         self._time = np.empty(size)
@@ -160,6 +223,7 @@ class Recorder:
         v: Tangent,
         a: Tangent,
         tau_motor: FloatArray,
+        turned: FloatArray,
         numbers: tuple[float, float, float, float],
     ) -> None:
         """Record one instant.
@@ -176,6 +240,8 @@ class Recorder:
             (nv,) tangent acceleration [m/s², rad/s²].
         tau_motor
             (nu,) efforts given [N or N m].
+        turned
+            (n,) angles of the continuous joints [rad].
         numbers
             Energy, supplied work, heat [J], and gap [m].
         """
@@ -184,6 +250,7 @@ class Recorder:
         pose = pin.updateFramePlacement(self._chain.model, data, platform)
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         self._time[k], self._q[k], self._v[k], self._tau[k] = t, q, v, tau_motor
+        self._turned[k] = turned
         self._position[k], self._rotation[k] = pose.translation, pose.rotation
         self._twist[k] = pin.getFrameVelocity(self._chain.model, data, platform, axes).vector
         self._acceleration[k] = pin.getFrameClassicalAcceleration(
@@ -235,6 +302,8 @@ class Recorder:
             v=self._v[n],
             tau_motor=self._tau[n],
             platform=samples,
+            turned=self._turned[n],
+            turning_joints=self._joints,
             energy=energy,
             supplied=supplied,
             dissipated=dissipated,

@@ -1,0 +1,142 @@
+"""What a run watches between its records: whole turns of continuous joints, and loops that come near a singularity."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State
+from stewart_pin.typing import Configuration, FloatArray, Tangent
+
+_HALVINGS = 12
+"""Thirds by which the nearest point of one step is found: to a hundredth of the step."""
+
+
+class Turns:
+    """Angles of continuous joints with their whole turns.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration at the start [m, rad, unit quaternions].
+    turned
+        (n,) angles there; by default between -π and π [rad].
+    """
+
+    def __init__(self, chain: ClosedChain, q: Configuration, turned: FloatArray | None = None) -> None:
+        model = chain.model
+        joints = [k for k in range(1, model.njoints) if (model.nqs[k], model.nvs[k]) == (2, 1)]
+        self.names = tuple(str(model.names[k]) for k in joints)
+        self._q = np.array([model.idx_qs[k] for k in joints], dtype=int)
+        self._v = np.array([model.idx_vs[k] for k in joints], dtype=int)
+        self.angles = self._read(q) if turned is None else np.array(turned)
+        self._last = self.angles
+
+    def _read(self, q: Configuration) -> FloatArray:
+        return np.arctan2(q[self._q + 1], q[self._q])
+
+    def follow(self, h: float, v: Tangent, q_next: Configuration, v_next: Tangent) -> None:
+        """Go on by a step: the angle read there, in the turn to which the rates lead.
+
+        Parameters
+        ----------
+        h
+            Length of the step [s].
+        v, v_next
+            (nv,) velocities at its ends [m/s, rad/s].
+        q_next
+            (nq,) configuration at its end [m, rad, unit quaternions].
+        """
+        if self._q.size:
+            led = self.angles + h / 2 * (v[self._v] + v_next[self._v])
+            read = self._read(q_next)
+            self.angles = read + 2 * math.pi * np.round((led - read) / (2 * math.pi))
+
+
+class LoopNearness:
+    """Distance of the loops to a singularity of theirs, looked at as often as the motion asks for.
+
+    Singular values of rows of natural size change no faster than the configuration, so a look is due when it has gone
+    a part of the last distance.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    threshold
+        Share of the usual distance that is near.
+    """
+
+    def __init__(self, chain: ClosedChain, threshold: float) -> None:
+        self._chain = chain
+        self._usual = chain.generic.usual_loops if chain.nc and chain.generic.rank else math.inf
+        self.limit = threshold * self._usual if math.isfinite(self._usual) else 0.0
+        self.near = False
+        self._left, self._seen = 0.0, math.inf
+
+    @property
+    def memory(self) -> tuple[bool, float, float]:
+        """What a run that goes on has to know."""
+        return self.near, self._left, self._seen
+
+    @memory.setter
+    def memory(self, memory: tuple[bool, float, float]) -> None:
+        self.near, self._left, self._seen = memory
+
+    def passed(
+        self, h: float, q: Configuration, v: Tangent, q_next: Configuration
+    ) -> tuple[float, str] | None:
+        """Look at a step.
+
+        Parameters
+        ----------
+        h
+            Its length [s].
+        q, q_next
+            (nq,) configurations at its ends [m, rad, unit quaternions].
+        v
+            (nv,) velocity at its start [m/s, rad/s].
+
+        Returns
+        -------
+        tuple or None
+            Smallest singular value of the loops in the step, where it has come near a singularity that the step before
+            was not near to, and the joint that moves most in the motion that is gained.
+        """
+        if not self.limit or not np.isfinite(q_next).all():
+            return None
+        way = h * float(np.linalg.norm(v / self._chain.tangent_scale))
+        self._left -= way
+        if self._left > 0.0:
+            return None
+        state = State(self._chain, q_next)
+        here, before = state.motions.smallest, self._seen
+        # A large step may jump over the singularity: look between its ends.
+        if here > self.limit and min(here, before) < 2 * way:
+            state = self._nearest(q, q_next)
+        self._seen, self._left = here, here / 4
+        reached = state.motions.smallest
+        began, self.near = reached < self.limit and not self.near, reached < self.limit
+        if not began:
+            return None
+        gained = state.motions.gained
+        return reached, str(self._chain.tangent_names[int(np.argmax(np.abs(gained)))])
+
+    def _nearest(self, q: Configuration, q_next: Configuration) -> State:
+        chain, lower, upper = self._chain, 0.0, 1.0
+
+        def at(share: float) -> State:
+            return State(chain, pin.interpolate(chain.model, q, q_next, share))
+
+        for _ in range(_HALVINGS):
+            third = (upper - lower) / 3
+            if at(lower + third).motions.smallest < at(upper - third).motions.smallest:
+                upper -= third
+            else:
+                lower += third
+        return at((lower + upper) / 2)
