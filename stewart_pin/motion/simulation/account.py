@@ -8,7 +8,8 @@ SHARE = 0.01
 """Energy that may be missing, as a share of what the motion has exchanged: half of it is the error of a speed, which a
 reader of a plot begins to see. The methods lose less than a hundredth of it with a step that resolves the motion."""
 _DOUBT = 0.05
-"""Largest share by which the work's own quadrature may excuse a difference: with more, the step does not resolve it."""
+"""Largest share by which the work's own quadrature may excuse a difference at the end of a run: with more, the step
+does not resolve the work. A transient at its start may be a little coarse, while little is exchanged."""
 _STILL = EPS**0.5
 """Share of the weight times the size of a robot below which a difference is round-off: half of the digits."""
 
@@ -29,7 +30,7 @@ class EnergyAccount:
         self._floor, self.memory = _STILL * floor, start
 
     def off(
-        self, kinetic: float, potential: float, supplied: float, heat: float, doubt: float
+        self, kinetic: float, potential: float, supplied: float, heat: float, doubt: float, last: bool
     ) -> tuple[float, float]:
         """Compare the account with its start.
 
@@ -41,6 +42,8 @@ class EnergyAccount:
             Work and heat since the first start [J].
         doubt
             Estimated error of their quadrature [J].
+        last
+            Whether the run ends here.
 
         Returns
         -------
@@ -57,5 +60,10 @@ class EnergyAccount:
         self.memory = (first, lowest, highest, fastest)
         scale = max(fastest, highest - lowest, abs(supplied), heat)
         error = balance - first
-        allowed = SHARE * scale + min(doubt, _DOUBT * scale) + self._floor + 64 * EPS * abs(potential)
+        allowed = (
+            SHARE * scale
+            + (min(doubt, _DOUBT * scale) if last else doubt)
+            + self._floor
+            + 64 * EPS * abs(potential)
+        )
         return (0.0 if abs(error) <= allowed else error), scale

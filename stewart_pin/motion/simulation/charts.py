@@ -26,7 +26,7 @@ _REACH = 0.25
 """Largest coordinate of a chart, in robot sizes and radians, before the base moves."""
 _MAX_STEPS = 30
 _SMALLEST = 1e-8
-"""Smallest step, in intervals. With smaller ones an error that does not fall is one of the equations, not of the step."""
+"""Smallest step, in intervals: an error that has not fallen by then is one of the equations, not of the step."""
 _MOST = 1_000
 """Steps in a row that are shorter than a thousandth of the interval: a method that creeps is stopped too."""
 _CREEP = 1e-3
@@ -154,21 +154,23 @@ class ChartStepper:
             If the loops cannot be closed, or the integrator's step vanishes.
         """
         end = t + h
-        creeping = 0
+        creeping, longest, last = 0, 0.0, np.inf
         # The right-hand side may jump at the end of an interval, so the past is kept only within it.
         while t < end:
             chart, solver = self._start(t, phase, end)
-            longest = 0.0
             while solver.status == "running" and np.abs(solver.y[: chart.size]).max(initial=0.0) < _REACH:
                 message = solver.step()
                 step = solver.step_size or 0.0
                 creeping = creeping + 1 if step < _CREEP * h and solver.status == "running" else 0
-                if solver.status == "failed" or creeping > _MOST or (creeping > 1 and step < _SMALLEST * h):
+                shrunk = creeping > 1 and step < _SMALLEST * h and step <= last
+                last = step
+                if solver.status == "failed" or creeping > _MOST or shrunk:
                     raise self._stopped(solver.t, step, message, phase)
                 longest = max(longest, step)
                 before, phase = phase, chart.read(solver.y)
                 self._passed(solver.t, solver.t - t, before, phase)
                 t = solver.t
+            # The longest of the interval: what is left of it at its end may be round-off.
             self.first_step = longest or None
         return phase
 

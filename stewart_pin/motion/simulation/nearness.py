@@ -1,4 +1,4 @@
-"""What a run watches between its records: whole turns of continuous joints, and loops that come near a singularity."""
+"""What a run watches between its records: loops that come near a singularity of theirs."""
 
 from __future__ import annotations
 
@@ -9,53 +9,10 @@ import pinocchio as pin
 
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State
-from stewart_pin.typing import Configuration, FloatArray, Tangent
+from stewart_pin.typing import Configuration, Tangent
 
 _HALVINGS = 12
 """Thirds by which the nearest point of one step is found: to a hundredth of the step."""
-
-
-class Turns:
-    """Angles of continuous joints with their whole turns.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration at the start [m, rad, unit quaternions].
-    turned
-        (n,) angles there; by default between -π and π [rad].
-    """
-
-    def __init__(self, chain: ClosedChain, q: Configuration, turned: FloatArray | None = None) -> None:
-        model = chain.model
-        joints = [k for k in range(1, model.njoints) if (model.nqs[k], model.nvs[k]) == (2, 1)]
-        self.names = tuple(str(model.names[k]) for k in joints)
-        self._q = np.array([model.idx_qs[k] for k in joints], dtype=int)
-        self._v = np.array([model.idx_vs[k] for k in joints], dtype=int)
-        self.angles = self._read(q) if turned is None else np.array(turned)
-        self._last = self.angles
-
-    def _read(self, q: Configuration) -> FloatArray:
-        return np.arctan2(q[self._q + 1], q[self._q])
-
-    def follow(self, h: float, v: Tangent, q_next: Configuration, v_next: Tangent) -> None:
-        """Go on by a step: the angle read there, in the turn to which the rates lead.
-
-        Parameters
-        ----------
-        h
-            Length of the step [s].
-        v, v_next
-            (nv,) velocities at its ends [m/s, rad/s].
-        q_next
-            (nq,) configuration at its end [m, rad, unit quaternions].
-        """
-        if self._q.size:
-            led = self.angles + h / 2 * (v[self._v] + v_next[self._v])
-            read = self._read(q_next)
-            self.angles = read + 2 * math.pi * np.round((led - read) / (2 * math.pi))
 
 
 class LoopNearness:

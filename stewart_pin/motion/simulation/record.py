@@ -21,6 +21,8 @@ class Memory:
 
     Attributes
     ----------
+    q, v
+        Configuration (nq,) and velocity (nv,) that a run left [m, rad, m/s, rad/s].
     plant
         Ways of computing chosen so far, and the loop rows.
     gap
@@ -35,6 +37,8 @@ class Memory:
         Which events last.
     """
 
+    q: Configuration
+    v: Tangent
     plant: PlantMemory
     gap: float
     first_step: float | None
@@ -68,8 +72,6 @@ class SimulationState:
         Step at which a sampled controller acted last, or -1.
     supplied, dissipated
         Work of the motors, and heat, since the first start [J].
-    turned
-        (n,) angles of the continuous joints, whole turns counted [rad]; None: not yet turned.
     memory
         What the parts of the run remember; None: a state made by hand.
     """
@@ -84,7 +86,6 @@ class SimulationState:
     sampled: int = -1
     supplied: float = 0.0
     dissipated: float = 0.0
-    turned: FloatArray | None = None
     memory: Memory | None = None
 
     @property
@@ -102,17 +103,13 @@ class Simulation:
     time
         (N,) recorded instants [s].
     q
-        (N, nq) configurations [m, rad, unit quaternions].
+        (N, nq) configurations, angles with their whole turns [m, rad, unit quaternions].
     v
         (N, nv) tangent velocities [m/s, rad/s].
     tau_motor
         (N, nu) efforts that the drives gave, limits included, friction not [N or N m].
     platform
         Measured motion of the platform frame at these instants, in the world.
-    turned
-        (N, n) angles of the continuous joints, whole turns counted; at the start between -π and π [rad].
-    turning_joints
-        Their names, n of them.
     energy
         (N,) kinetic and potential energy, motor inertia and springs of end stops included [J].
     supplied
@@ -140,8 +137,6 @@ class Simulation:
     v: FloatArray
     tau_motor: FloatArray
     platform: PlatformSamples
-    turned: FloatArray
-    turning_joints: tuple[str, ...]
     energy: FloatArray
     supplied: FloatArray
     dissipated: FloatArray
@@ -200,13 +195,9 @@ class Recorder:
         Closed chain.
     size
         Number of instants that will be recorded at most.
-    turning_joints
-        Names of the continuous joints.
     """
 
-    def __init__(self, chain: ClosedChain, size: int, turning_joints: tuple[str, ...]) -> None:
-        self._joints = turning_joints
-        self._turned = np.empty((size, len(turning_joints)))
+    def __init__(self, chain: ClosedChain, size: int) -> None:
         self._chain, self._data = chain, pin.Data(chain.model)
         self._count = 0
         self._time = np.empty(size)
@@ -223,7 +214,6 @@ class Recorder:
         v: Tangent,
         a: Tangent,
         tau_motor: FloatArray,
-        turned: FloatArray,
         numbers: tuple[float, float, float, float],
     ) -> None:
         """Record one instant.
@@ -240,8 +230,6 @@ class Recorder:
             (nv,) tangent acceleration [m/s², rad/s²].
         tau_motor
             (nu,) efforts given [N or N m].
-        turned
-            (n,) angles of the continuous joints [rad].
         numbers
             Energy, supplied work, heat [J], and gap [m].
         """
@@ -250,7 +238,6 @@ class Recorder:
         pose = pin.updateFramePlacement(self._chain.model, data, platform)
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         self._time[k], self._q[k], self._v[k], self._tau[k] = t, q, v, tau_motor
-        self._turned[k] = turned
         self._position[k], self._rotation[k] = pose.translation, pose.rotation
         self._twist[k] = pin.getFrameVelocity(self._chain.model, data, platform, axes).vector
         self._acceleration[k] = pin.getFrameClassicalAcceleration(
@@ -302,8 +289,6 @@ class Recorder:
             v=self._v[n],
             tau_motor=self._tau[n],
             platform=samples,
-            turned=self._turned[n],
-            turning_joints=self._joints,
             energy=energy,
             supplied=supplied,
             dissipated=dissipated,

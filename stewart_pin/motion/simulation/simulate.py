@@ -22,13 +22,19 @@ from stewart_pin.motion.simulation.drive import (
 )
 from stewart_pin.motion.simulation.events import KINDS, Event, Watcher
 from stewart_pin.motion.simulation.motors import MotorBank, Motors
-from stewart_pin.motion.simulation.nearness import LoopNearness, Turns
+from stewart_pin.motion.simulation.nearness import LoopNearness
 from stewart_pin.motion.simulation.plant import Plant
-from stewart_pin.motion.simulation.record import Memory, Recorder, Simulation, SimulationInterrupted, SimulationState
+from stewart_pin.motion.simulation.record import (
+    Memory,
+    Recorder,
+    Simulation,
+    SimulationInterrupted,
+    SimulationState,
+)
 from stewart_pin.motion.simulation.steppers import Phase, RungeKuttaStepper
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.state.state import State
-from stewart_pin.tolerances import CLOSED, EPS
+from stewart_pin.tolerances import EPS
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 _FEW_RECORDS = 10_000
@@ -149,9 +155,7 @@ def simulate(
     drive = Drive(chain, controller, dt)
     start_time = _number("start_time", start_time)
     state = SimulationState(start_time, 0, dt, q, v, np.zeros(drive.state_size), np.zeros(chain.nu))
-    options = _options(
-        duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress
-    )
+    options = _options(duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress)
     return _run(chain, state, drive, motors or Motors(), options)
 
 
@@ -218,9 +222,7 @@ def resume(
         state = replace(state, origin=state.time, steps=0, dt=dt, sampled=acted)
     if kernels is None and state.memory is not None:
         kernels = state.memory.plant.kernel or state.memory.plant.projector
-    options = _options(
-        duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress
-    )
+    options = _options(duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress)
     return _run(chain, state, drive, motors or Motors(), options)
 
 
@@ -237,8 +239,7 @@ def _run(
     plant = Plant(chain, state.q, state.v, bank.inertia, kernels)
     drive.hold(state.held)
     watcher = Watcher(chain, bank, options.singular)
-    turns = Turns(chain, state.q, state.turned)
-    recorder = Recorder(chain, count // stride + 2, turns.names)
+    recorder = Recorder(chain, count // stride + 2)
     loops = LoopNearness(plant.chain, options.singular)
     memory, pending = state.memory, list[Event]()
     account = EnergyAccount(plant.weight_by_size, None if memory is None else memory.account)
@@ -256,7 +257,6 @@ def _run(
         return plant.acceleration(q, v, given + loss), x_rate
 
     def passed(t: float, h: float, before: Phase, after: Phase) -> None:
-        turns.follow(h, before.v, after.q, after.v)
         near = loops.passed(h, before.q, before.v, after.q)
         if near:
             pending.append(watcher.note(Event(t, "singularity", near[1], near[0], loops.limit)))
@@ -277,8 +277,8 @@ def _run(
         kinetic, potential = plant.energy(phase.q, phase.v)
         potential += bank.stored(phase.q[motor_q])
         numbers = (kinetic + potential, phase.x[0], phase.x[1], phase.gap)
-        recorder.add(t, phase.q, phase.v, a, given, turns.angles, numbers)
-        error, scale = account.off(kinetic, potential, phase.x[0], phase.x[1], stepper.doubt)
+        recorder.add(t, phase.q, phase.v, a, given, numbers)
+        error, scale = account.off(kinetic, potential, phase.x[0], phase.x[1], stepper.doubt, k == last)
         if not error:
             return ""
         watcher.note(Event(t, "energy", "energy", error, SHARE * scale))
@@ -287,7 +287,9 @@ def _run(
             if options.method == "fixed"
             else f"choose smaller rtol and atol than {options.rtol:g} and {options.atol:g}, or another method"
         )
-        return f"energy account off at {t:g} s by {error:.3g} J of {scale:.3g} J that the motion holds: {remedy}"
+        return (
+            f"energy account off at {t:g} s by {error:.3g} J of {scale:.3g} J that the motion holds: {remedy}"
+        )
 
     def events(k: int, phase: Phase) -> list[Event]:
         t = state.origin + k * dt
@@ -330,7 +332,11 @@ def _run(
     except ClosureError as error:
         culprit = str(error).split(" row ")[0]
         watcher.note(Event(state.origin + (k + 1) * dt, "closure_lost", culprit, error.residual, 0.0))
-        remedy = "choose a smaller dt" if options.method == "fixed" else "choose another method or larger tolerances"
+        remedy = (
+            "choose a smaller dt"
+            if options.method == "fixed"
+            else "choose another method or larger tolerances"
+        )
         reason = f"loops lost in the step from {state.origin + k * dt:g} s: {error}; {remedy}"
     except SingularityError as error:
         worst = chain.tangent_names[int(np.argmax(np.abs(phase.v / chain.tangent_scale)))]
@@ -360,8 +366,9 @@ def _run(
         sampled=sampled,
         supplied=float(phase.x[0]),
         dissipated=float(phase.x[1]),
-        turned=turns.angles,
         memory=Memory(
+            phase.q,
+            phase.v,
             plant.memory,
             phase.gap,
             stepper.first_step,
@@ -388,10 +395,9 @@ def _closed(plant: Plant, start: SimulationState) -> tuple[Configuration, Tangen
     """Remove what a printed or computed state lacks of closed loops; nothing from one that a run left."""
     state = State(plant.chain, start.q, start.v)
     state.require_moving()
-    slip = np.abs(state.rows @ (start.v / plant.chain.tangent_scale)).max(initial=0.0)
-    fast = max(1.0, float(np.abs(start.v / plant.chain.tangent_scale).max(initial=0.0)))
-    if start.memory is not None and state.largest_gap <= max(CLOSED, state.round_off) and slip <= CLOSED * fast:
-        return start.q, start.v, start.memory.gap
+    left = start.memory
+    if left is not None and np.array_equal(left.q, start.q) and np.array_equal(left.v, start.v):
+        return start.q, start.v, left.gap
     return plant.project(start.q, start.v)
 
 
@@ -414,12 +420,18 @@ def _options(
     rtol, atol = _number("rtol", rtol), _number("atol", atol)
     for name, value, low, high in (("rtol", rtol, 100 * EPS, 0.1), ("atol", atol, 0.0, 0.1)):
         if not low < value <= high:
-            raise InputError(f"{name} must be above {low:.2g} and at most {high:g}, got {value:g}; 1e-9 is usual")
+            raise InputError(
+                f"{name} must be above {low:.2g} and at most {high:g}, got {value:g}; 1e-9 is usual"
+            )
     singular = _number("singular", singular)
     if not 0.0 <= singular < 1.0:
-        raise InputError(f"singular must be 0 (no events) or more and below 1, got {singular:g}; 1e-3 is usual")
+        raise InputError(
+            f"singular must be 0 (no events) or more and below 1, got {singular:g}; 1e-3 is usual"
+        )
     duration = _number("duration", duration)
-    return _Options(duration, dt, method, record_rate, singular, _kinds(stop_on), rtol, atol, kernels, progress)
+    return _Options(
+        duration, dt, method, record_rate, singular, _kinds(stop_on), rtol, atol, kernels, progress
+    )
 
 
 def _number(name: str, value: float) -> float:
@@ -437,7 +449,9 @@ def _number(name: str, value: float) -> float:
 def _steps(duration: float, dt: float) -> int:
     duration = as_positive("duration", duration)
     if not duration / dt < _MOST_STEPS:
-        raise InputError(f"duration {duration:g} s has more than {_MOST_STEPS:g} steps of dt = {dt:g} s; choose fewer")
+        raise InputError(
+            f"duration {duration:g} s has more than {_MOST_STEPS:g} steps of dt = {dt:g} s; choose fewer"
+        )
     count = max(1, round(duration / dt))
     if abs(count * dt - duration) > 1e-6 * duration:
         raise InputError(
@@ -464,5 +478,7 @@ def _kinds(stop_on: Collection[str]) -> frozenset[str]:
     except TypeError:
         raise InputError(f"stop_on must be some of {', '.join(KINDS)}, got {stop_on!r}") from None
     if kinds - set(KINDS):
-        raise InputError(f"stop_on must be some of {', '.join(KINDS)}, got {sorted(map(str, kinds - set(KINDS)))}")
+        raise InputError(
+            f"stop_on must be some of {', '.join(KINDS)}, got {sorted(map(str, kinds - set(KINDS)))}"
+        )
     return kinds
