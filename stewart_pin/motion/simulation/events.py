@@ -70,7 +70,7 @@ class Watcher:
 
     @property
     def memory(self) -> tuple[np.ndarray, bool]:
-        """Which events last, for a run that goes on."""
+        """Which events last, (3, nu) of motors and that of a singularity, for a run that goes on; dimensionless."""
         return self._beyond, self._near_singular
 
     @memory.setter

@@ -54,10 +54,12 @@ class LoopNearness:
         ----------
         h
             Its length [s].
-        q, q_next
-            (nq,) configurations at its ends [m, rad, unit quaternions].
+        q
+            (nq,) configuration at its start [m, rad, unit quaternions].
         v
-            (nv,) velocity at its start [m/s, rad/s].
+            (nv,) velocity there [m/s, rad/s].
+        q_next
+            (nq,) configuration at its end [m, rad, unit quaternions].
 
         Returns
         -------

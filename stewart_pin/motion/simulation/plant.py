@@ -32,7 +32,7 @@ class PlantMemory(NamedTuple):
     Attributes
     ----------
     rows
-        Numbers of the loop rows that stand for all.
+        (rank,) index of the loop rows that stand for all.
     kernel, projector, constrained, weightless
         Which ways are in use.
     """

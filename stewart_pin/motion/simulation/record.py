@@ -34,7 +34,8 @@ class Memory:
     doubt
         Error of the quadrature of work [J].
     watcher, loops
-        Which events last.
+        Which events last, (3, nu) of motors and that of a singularity; of the loops with the distance seen
+        (dimensionless).
     """
 
     q: Configuration
@@ -172,8 +173,10 @@ class Simulation:
 class SimulationInterrupted(KeyboardInterrupt):
     """Ctrl-C during a simulation: a `KeyboardInterrupt` that holds the part that ran.
 
-    Attributes
+    Parameters
     ----------
+    message
+        When it was interrupted.
     simulation
         What was recorded until then; its ``final_state`` can be passed to `resume`.
     """
