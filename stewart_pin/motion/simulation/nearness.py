@@ -11,6 +11,8 @@ from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State
 from stewart_pin.typing import Configuration, Tangent
 
+_LEAST_SLOPE = 0.05
+"""Least change of the distance per way that is reckoned with: it may be steeper than before."""
 _HALVINGS = 12
 """Thirds by which the nearest point of one step is found: to a hundredth of the step."""
 
@@ -34,16 +36,16 @@ class LoopNearness:
         self._usual = chain.generic.usual_loops if chain.nc and chain.generic.rank else math.inf
         self.limit = threshold * self._usual if math.isfinite(self._usual) else 0.0
         self.near = False
-        self._left, self._seen = 0.0, math.inf
+        self._left, self._seen, self._slope, self._gone = 0.0, math.inf, 1.0, 0.0
 
     @property
-    def memory(self) -> tuple[bool, float, float]:
+    def memory(self) -> tuple[bool, float, float, float, float]:
         """What a run that goes on has to know."""
-        return self.near, self._left, self._seen
+        return self.near, self._left, self._seen, self._slope, self._gone
 
     @memory.setter
-    def memory(self, memory: tuple[bool, float, float]) -> None:
-        self.near, self._left, self._seen = memory
+    def memory(self, memory: tuple[bool, float, float, float, float]) -> None:
+        self.near, self._left, self._seen, self._slope, self._gone = memory
 
     def passed(
         self, h: float, q: Configuration, v: Tangent, q_next: Configuration
@@ -71,14 +73,17 @@ class LoopNearness:
             return None
         way = h * float(np.linalg.norm(v / self._chain.tangent_scale))
         self._left -= way
+        self._gone += way
         if self._left > 0.0:
             return None
         state = State(self._chain, q_next)
         here, before = state.motions.smallest, self._seen
-        # A large step may jump over the singularity: look between its ends.
-        if here > self.limit and min(here, before) < 2 * way:
+        # A large step may jump over the singularity, if the distance falls on as before: look between its ends.
+        if here > self.limit and here + before < 2 * self._slope * self._gone:
             state = self._nearest(q, q_next)
-        self._seen, self._left = here, here / 4
+        if math.isfinite(before) and self._gone:
+            self._slope = max(_LEAST_SLOPE, abs(here - before) / self._gone)
+        self._seen, self._left, self._gone = here, here / 2, 0.0
         reached = state.motions.smallest
         began, self.near = reached < self.limit and not self.near, reached < self.limit
         if not began:

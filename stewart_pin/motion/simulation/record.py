@@ -46,7 +46,7 @@ class Memory:
     account: tuple[float, float, float, float] | None
     doubt: float
     watcher: tuple[np.ndarray, bool]
-    loops: tuple[bool, float, float]
+    loops: tuple[bool, float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
