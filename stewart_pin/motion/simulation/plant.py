@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +24,24 @@ from stewart_pin.typing import Configuration, FloatArray, Tangent
 _factorise, _solve = get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)
 _MAX_STEPS = 20
 """Newton steps of one projection: with a sensible time step one or two are enough."""
+
+
+class PlantMemory(NamedTuple):
+    """Ways of computing that a plant has chosen.
+
+    Attributes
+    ----------
+    rows
+        (rank,) index of the loop rows that stand for all.
+    kernel, projector, constrained, weightless
+        Which ways are in use.
+    """
+
+    rows: np.ndarray
+    kernel: bool
+    projector: bool
+    constrained: bool
+    weightless: bool
 
 
 class Plant:
@@ -64,6 +82,29 @@ class Plant:
         self.rows = np.arange(chain.nc)
         self._candidates = kernels
         self._prepare(q, v, own_rotors=self.chain is not chain)
+
+    @property
+    def memory(self) -> PlantMemory:
+        """Ways of computing chosen so far."""
+        ways = (way is not None for way in (self._kernel, self._projector, self._constrained))
+        return PlantMemory(self.rows, *ways, self._weightless)
+
+    def recall(self, memory: PlantMemory) -> None:
+        """Go on with ways chosen earlier.
+
+        Parameters
+        ----------
+        memory
+            Of the plant of an earlier run.
+        """
+        candidates = self._candidates
+        self.rows, self._weightless = memory.rows, memory.weightless
+        self._kernel = candidates.acceleration if memory.kernel and candidates is not None else None
+        self._projector = candidates.projection if memory.projector and candidates is not None else None
+        if memory.constrained and self._constrained is None:
+            self._make_constrained()
+        elif not memory.constrained:
+            self._constrained = None
 
     def _fits(self, q: Configuration, v: Tangent, expected: Tangent) -> bool:
         a = self.acceleration(q, v, np.zeros(self.chain.nu))
@@ -110,21 +151,24 @@ class Plant:
         if self.rows.size < self.chain.nc:
             return False
         try:
-            models = constraint_models(self.chain)
+            self._make_constrained()
         except UnsupportedError:
             return False
-        datas = pin.StdVec_RigidConstraintData()
-        for model in models:
-            datas.append(model.createData())
-        pin.initConstraintDynamics(self.model, self._data, models, datas)
-        self._settings = pin.ProximalSettings(1e-14, 0.0, 1)
-        self._constrained = (models, datas)
         kernel, self._kernel = self._kernel, None
         fits = self._fits(q, v, expected)
         self._kernel = kernel
         if not fits:
             self._constrained = None
         return fits
+
+    def _make_constrained(self) -> None:
+        models = constraint_models(self.chain)
+        datas = pin.StdVec_RigidConstraintData()
+        for model in models:
+            datas.append(model.createData())
+        pin.initConstraintDynamics(self.model, self._data, models, datas)
+        self._settings = pin.ProximalSettings(1e-14, 0.0, 1)
+        self._constrained = (models, datas)
 
     def watch(self, q: Configuration, v: Tangent) -> None:
         """Choose loop rows anew, and leave kernels for good where their fixed pivots have lost too many digits.
@@ -276,7 +320,7 @@ class Plant:
         back, sizes = self._scale[:, None] * scaled.T, self._sizes[self.rows]
         return lambda residual: back @ _solve(factor, residual / sizes, lower=1)[0]
 
-    def energy(self, q: Configuration, v: Tangent) -> float:
+    def energy(self, q: Configuration, v: Tangent) -> tuple[float, float]:
         """Compute kinetic and potential energy, motor inertia included.
 
         Parameters
@@ -288,13 +332,19 @@ class Plant:
 
         Returns
         -------
-        float
+        kinetic, potential : float
             [J].
         """
         model, unit = self.chain.mass_model, self.chain.mass_unit
         kinetic = pin.computeKineticEnergy(model, self._data, q, v)  # of the bodies; rotors come beside
         potential = pin.computePotentialEnergy(model, self._data, q)
-        return float(unit * (kinetic + potential) + self._rotors @ (v * v) / 2)
+        return float(unit * kinetic + self._rotors @ (v * v) / 2), float(unit * potential)
+
+    @property
+    def weight_by_size(self) -> float:
+        """Weight of the robot times its size [J]."""
+        mass = self.chain.mass_unit * pin.computeTotalMass(self.chain.mass_model)
+        return float(mass * np.linalg.norm(self.model.gravity.linear) * self.chain.length_scale)
 
 
 def _with_motor_inertia(chain: ClosedChain, inertia: FloatArray) -> ClosedChain:
