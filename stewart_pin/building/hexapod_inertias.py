@@ -49,7 +49,8 @@ def hexapod_inertias(
     Raises
     ------
     InputError
-        If a mass or the length is not above zero, the stroke is empty, the length is beyond it, or the platform's points coincide.
+        If a mass or the length is not above zero, the stroke is empty, the length is beyond it, or the platform's
+        points coincide.
 
     Examples
     --------

@@ -212,11 +212,18 @@ class _Validator:
 
     def _couplings(self) -> None:
         joints = {joint.name: joint for joint in self.mechanism.joints}
+        loops = {loop.name for loop in self.mechanism.loops}
         for coupling in self.mechanism.couplings:
             owner = f"coupling '{coupling.name}'"
             for name in (coupling.joint1, coupling.joint2):
                 if name is None:
                     continue
+                if name in loops:
+                    raise self._error(
+                        coupling.name,
+                        f"{owner} names joint '{name}', which closes a loop and has no coordinate; couple a joint of "
+                        "the tree, or cut the loop at another joint",
+                    )
                 if name not in joints:
                     raise self._error(
                         coupling.name, f"{owner} names the missing joint '{name}'; correct the name"
