@@ -86,7 +86,7 @@ class Feedforward:
                 want.acceleration,
                 gravity=chain.gravity,
             )
-            return chain.leg_readings()[0] * answer.actuator[0]
+            return chain.leg_readings[0] * answer.actuator[0]
         state = platform_motion(
             chain, want.pose(0), want.twist[0], want.acceleration[0], q_guess=q, limits=False
         )
@@ -260,7 +260,7 @@ class ComputedTorque:
         moment = pose.rotation @ body.inertia @ pose.rotation.T @ angular
         jacobian = leg_jacobian(self._hexapod, pose.translation, pose.rotation)
         turning = np.linalg.solve(jacobian.T, np.concatenate([np.zeros(3), moment]))
-        return efforts + self.chain.leg_readings()[0] * turning
+        return efforts + self.chain.leg_readings[0] * turning
 
     @cached_property
     def _hexapod(self) -> Any:
@@ -333,7 +333,7 @@ class _MotorReference:
         except UnsupportedError:
             self._hexapod = None
             return
-        self._sign, self._offset = chain.leg_readings()
+        self._sign, self._offset = chain.leg_readings
 
     def at(self, t: float, q: Configuration) -> tuple[FloatArray, FloatArray]:
         if t != self._time:
@@ -353,7 +353,7 @@ class _MotorReference:
 
 def _point_mass(chain: ClosedChain, hexapod: Any, pose: pin.SE3, acceleration: FloatArray) -> FloatArray:
     body = chain.mechanism.link(chain.platform).inertia
-    return chain.leg_readings()[0] * point_mass_forces(
+    return chain.leg_readings[0] * point_mass_forces(
         hexapod,
         pose.translation,
         pose.rotation,

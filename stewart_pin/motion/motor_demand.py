@@ -207,7 +207,7 @@ def _closed_form(chain: ClosedChain) -> tuple[Hexapod, HexapodBodies] | None:
 def _by_closed_form(
     chain: ClosedChain, hexapod: Hexapod, bodies: HexapodBodies, samples: PlatformSamples
 ) -> MotorDemand:
-    sign, offset = chain.leg_readings()
+    sign, offset = chain.leg_readings
     place = (samples.position, samples.rotation)
     forces = hexapod_inverse_dynamics(
         hexapod, bodies, *place, samples.twist, samples.acceleration, gravity=chain.gravity

@@ -381,16 +381,9 @@ class ClosedChain:
         """
         return leg_points(self.mechanism, self.motors, self.platform)
 
+    @cached_property
     def leg_readings(self) -> tuple[FloatArray, FloatArray]:
-        """Find what the motors of legs read: length = offset + sign × reading.
-
-        Returns
-        -------
-        sign : numpy.ndarray
-            (nu,) 1 where a longer leg reads more, else -1, dimensionless.
-        offset : numpy.ndarray
-            (nu,) length where the motor reads zero [m].
-        """
+        """What the motors of legs read, length = offset + sign × reading: (nu,) signs, and (nu,) lengths at zero [m]."""
         return leg_readings(self.mechanism, self.motors, self.platform, self.q_home[self.motor_q_index])
 
 

@@ -169,7 +169,7 @@ def spread(forces: Mapping[str, FloatArray]) -> float:
 
 def _closed_form(chain: ClosedChain, samples: PlatformSamples) -> FloatArray:
     return (
-        chain.leg_readings()[0]
+        chain.leg_readings[0]
         * hexapod_inverse_dynamics(
             Hexapod.from_chain(chain),
             hexapod_bodies(chain),
@@ -184,7 +184,7 @@ def _closed_form(chain: ClosedChain, samples: PlatformSamples) -> FloatArray:
 
 def _point_mass(chain: ClosedChain, samples: PlatformSamples) -> FloatArray:
     body = chain.mechanism.link(chain.platform).inertia
-    return chain.leg_readings()[0] * point_mass_forces(
+    return chain.leg_readings[0] * point_mass_forces(
         Hexapod.from_chain(chain),
         samples.position,
         samples.rotation,

@@ -286,9 +286,9 @@ class Caller:
                 type(self)(self._functions.around(self.chain.q_home), self._dtype, self._engine)
             )
         taken = [np.asarray(x)[rows] if np.ndim(x) > 1 else np.asarray(x) for x in inputs]
-        status, conditioning = np.zeros(len(rows), dtype=np.int8), None
-        if places.conditioning is not None:
-            conditioning = np.zeros(len(rows), dtype=self._dtype)
+        status = np.zeros(len(rows), dtype=np.int8)
+        graded: Any = np.zeros(len(rows), dtype=self._dtype)
+        conditioning: FloatArray | None = None if places.conditioning is None else graded
         found = self._others[0]._call(name, tuple(taken), Places(None, status, conditioning, places.threads))
         for value, new in zip(values, found if isinstance(found, tuple) else (found,), strict=False):
             value[rows] = new

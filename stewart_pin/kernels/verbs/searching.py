@@ -67,7 +67,7 @@ class SearchingState:
             raise InputError(
                 f"{self._made_from[1]} takes {len(self._names)} arrays ({', '.join(self._names)}), got {len(inputs)}"
             )
-        taken = [_one(*named, x) for *named, x in zip(self._names, self._sizes, inputs, strict=True)]
+        taken = [_one(name, size, x) for name, size, x in zip(self._names, self._sizes, inputs, strict=True)]
         results = self._quick(*taken)
         self.status = StateStatus.OK
         if results is None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from scipy import integrate
-from scipy.linalg import lapack
+from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.errors import ClosureError, InputError, SingularityError
 from stewart_pin.motion.simulation.lie import displacement_jacobian
@@ -21,6 +21,7 @@ from stewart_pin.state.state import State
 from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import FloatArray
 
+(_gesv,) = get_lapack_funcs(("gesv",), dtype=np.float64)
 METHODS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 _REACH = 0.25
 """Largest coordinate of a chart, in robot sizes and radians, before the base moves."""
@@ -33,7 +34,7 @@ _CREEP = 1e-3
 
 
 def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    _, _, solution, info = lapack.dgesv(matrix, right)
+    _, _, solution, info = _gesv(matrix, right)
     if info:
         raise SingularityError(
             "the loops are singular here: their equations depend on each other", smallest_singular_value=0.0

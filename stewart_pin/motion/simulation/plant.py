@@ -86,8 +86,13 @@ class Plant:
     @property
     def memory(self) -> PlantMemory:
         """Ways of computing chosen so far."""
-        ways = (way is not None for way in (self._kernel, self._projector, self._constrained))
-        return PlantMemory(self.rows, *ways, self._weightless)
+        return PlantMemory(
+            self.rows,
+            self._kernel is not None,
+            self._projector is not None,
+            self._constrained is not None,
+            self._weightless,
+        )
 
     def recall(self, memory: PlantMemory) -> None:
         """Go on with ways chosen earlier.

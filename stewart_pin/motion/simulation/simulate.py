@@ -208,7 +208,8 @@ def resume(
     """
     if not isinstance(state, SimulationState):
         raise InputError(f"state must be the final_state of a simulation, got {type(state).__name__}")
-    as_configuration(chain, "state.q", state.q), as_array("state.v", state.v, (chain.nv,))
+    as_configuration(chain, "state.q", state.q)
+    as_array("state.v", state.v, (chain.nv,))
     as_array("state.held", state.held, (chain.nu,))
     dt = state.dt if dt is None else as_positive("dt", _number("dt", dt))
     drive = Drive(chain, controller, dt)
