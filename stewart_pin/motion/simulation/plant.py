@@ -77,7 +77,6 @@ class Plant:
         self.model = self.chain.model
         self._data = pin.Data(self.model)
         self._scale, self._sizes = chain.tangent_scale, chain.row_sizes
-        self._rotors = np.array(self.model.armature)
         self._tau = np.zeros(chain.nv)
         self.rows = np.arange(chain.nc)
         self._candidates = kernels
@@ -341,9 +340,11 @@ class Plant:
             [J].
         """
         model, unit = self.chain.mass_model, self.chain.mass_unit
-        kinetic = pin.computeKineticEnergy(model, self._data, q, v)  # of the bodies; rotors come beside
+        # By the inertia matrix, which has the rotors: Pinocchio's kinetic energy leaves those of some joints out.
+        upper = np.triu(pin.crba(model, self._data, q))
+        kinetic = v @ (upper @ v) - upper.diagonal() @ (v * v) / 2
         potential = pin.computePotentialEnergy(model, self._data, q)
-        return float(unit * kinetic + self._rotors @ (v * v) / 2), float(unit * potential)
+        return float(unit * kinetic), float(unit * potential)
 
     @property
     def weight_by_size(self) -> float:
