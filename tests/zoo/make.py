@@ -31,7 +31,7 @@ def _bars(name: str, o, a, b, d, tip=None) -> None:
     MAKERS[name] = tell
 
 
-_bars("crank_rocker", (0, 0), (0.12, 0.16), (0.6, 0.8), (0.9, 0))
+_bars("crank_rocker", (0, 0), (0.12, 0.16), (0.7, 0.75), (0.9, 0))
 _bars("drag_link", (0, 0), (-0.3, 0.4), (0.5, 0.9), (0.2, 0))
 _bars("triple_rocker", (0, 0), (0.3, 0.4), (0.9, 0.6), (1, 0))
 _bars("kite", (0, 0), (0.3, 0.4), (1, 0.5), (0.5, 0))
@@ -143,7 +143,7 @@ def wedge(m: Telling) -> None:
 
 @mechanism
 def watt_six_bar(m: Telling) -> None:
-    b, e, g = xz(0.6, 0.8), xz(1.1, 0.7), xz(1.4, 1.1)
+    b, e, g = xz(0.7, 0.75), xz(1.1, 0.7), xz(1.4, 1.1)
     m.r("base", "crank", xz(0, 0), motor=True)
     m.r("crank", "coupler", xz(0.12, 0.16))
     m.r("base", "rocker", xz(0.9, 0))
@@ -157,7 +157,7 @@ def watt_six_bar(m: Telling) -> None:
 
 @mechanism
 def stephenson_six_bar(m: Telling) -> None:
-    b, e, f = xz(0.6, 0.8), xz(0.4, 1.1), xz(1.2, 1.3)
+    b, e, f = xz(0.7, 0.75), xz(0.4, 1.1), xz(1.2, 1.3)
     m.r("base", "crank", xz(0, 0), motor=True)
     m.r("crank", "coupler", xz(0.12, 0.16))
     m.r("base", "rocker", xz(0.9, 0))

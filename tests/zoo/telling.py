@@ -139,5 +139,5 @@ class Telling:
         (folder / f"{self.name}.urdf").write_text(self.text(), encoding="utf-8")
 
 
-# A slide without a stroke has no limit here, and the format wants one.
-_LIMIT = '<limit lower="-1000.0" upper="1000.0" effort="1e+30" velocity="1e+30"/>'
+# The format wants a stroke for a slide; its half is the size of a mechanism that has no other length.
+_LIMIT = '<limit lower="-2.0" upper="2.0" effort="1e+30" velocity="1e+30"/>'
