@@ -178,6 +178,7 @@ from stewart_pin.motion.shake_table import fit_to_limits as fit_to_limits
 from stewart_pin.motion.simulation.events import Event as Event
 from stewart_pin.motion.simulation.motors import Motors as Motors
 from stewart_pin.motion.simulation.record import Simulation as Simulation
+from stewart_pin.motion.simulation.record import SimulationInterrupted as SimulationInterrupted
 from stewart_pin.motion.simulation.record import SimulationState as SimulationState
 from stewart_pin.motion.simulation.simulate import resume as resume
 from stewart_pin.motion.simulation.simulate import simulate as simulate

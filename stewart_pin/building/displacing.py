@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.building.rotors import with_rotors_of
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import Mechanism
 from stewart_pin.model.tree import build_tree
@@ -72,6 +73,7 @@ def displace_geometry(chain: ClosedChain, displacements: Mapping[GeometryParamet
     mechanism = _moved(chain.mechanism, moves)
     validate(mechanism)
     moved = replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
+    moved = with_rotors_of(chain, moved)
     return replace(moved, q_home=close_loops(moved, chain.q_home).q)
 
 

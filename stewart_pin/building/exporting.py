@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from stewart_pin.building.rotors import require_no_rotors
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import Mechanism
 from stewart_pin.model.formats.dialect import dialects
@@ -64,6 +65,7 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> No
     }
     if format not in writers:
         raise InputError(f"format must be one of {', '.join(sorted(writers))}, got {format!r}")
+    require_no_rotors(chain, "the file")
     try:
         writers[format](chain, Path(path))
     except OSError as error:

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.building.loading import build_chain
+from stewart_pin.building.rotors import with_rotors_of
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import Joint, JointKind, Link
 from stewart_pin.model.validation import is_massless
@@ -84,9 +85,10 @@ def on_floating_base(
         joints=(base, *mechanism.joints),
         home={FLOATING_JOINT: np.array(pin.SE3ToXYZQUAT(pose)), **mechanism.home},
     )
-    return build_chain(
+    rebuilt = build_chain(
         floating,
         motors=chain.motors,
         platform=chain.platform,
         gravity=chain.gravity if gravity is None else gravity,
     )
+    return with_rotors_of(chain, rebuilt)

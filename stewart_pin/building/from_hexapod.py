@@ -85,7 +85,7 @@ def hexapod_chain(
     for argument, inertia in (("platform", platform), ("lower", lower), ("upper", upper), ("base", base)):
         if not isinstance(inertia, pin.Inertia) and not (argument == "base" and inertia is None):
             raise InputError(f"{argument} must be a pinocchio.Inertia, got {type(inertia).__name__}")
-    low, high = _stroke(stroke)
+    low, high = read_stroke(stroke)
     pose = pin.SE3(np.eye(3), default_home(hexapod, low, high)) if home is None else as_pose("home", home)
     axes = (_X, _Y) if lower_joint == "universal" else (_X, _Y, _Z)
     links = [Link("base", base), Link("platform", platform)]
@@ -131,7 +131,24 @@ def hexapod_chain(
     return build_chain(mechanism, gravity=gravity)
 
 
-def _stroke(stroke: tuple[float, float]) -> tuple[float, float]:
+def read_stroke(stroke: tuple[float, float]) -> tuple[float, float]:
+    """Check a stroke.
+
+    Parameters
+    ----------
+    stroke
+        Least and greatest leg length [m].
+
+    Returns
+    -------
+    tuple of float
+        The same [m].
+
+    Raises
+    ------
+    InputError
+        If it is not two numbers, or empty.
+    """
     try:
         low, high = map(float, stroke)
     except (TypeError, ValueError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.building.rotors import require_no_rotors
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies, LowerJoint, RigidBody
@@ -33,8 +34,9 @@ def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
     Raises
     ------
     UnsupportedError
-        If the chain is no such hexapod, or has further bodies.
+        If the chain is no such hexapod, or has further bodies or rotors.
     """
+    require_no_rotors(chain, "the closed form")
     hexapod = Hexapod.from_chain(chain)
     mechanism, model = chain.mechanism, chain.model
     data = pin.Data(model)

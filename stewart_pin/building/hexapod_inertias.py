@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.building.from_hexapod import default_home
+from stewart_pin.building.from_hexapod import default_home, read_stroke
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
@@ -17,7 +17,13 @@ _FLAT = 20.0
 
 
 def hexapod_inertias(
-    hexapod: Hexapod, *, platform: float, lower: float, upper: float, leg_length: float | None = None
+    hexapod: Hexapod,
+    *,
+    platform: float,
+    lower: float,
+    upper: float,
+    leg_length: float | None = None,
+    stroke: tuple[float, float] = (0.0, np.inf),
 ) -> dict[str, pin.Inertia]:
     """Estimate the inertias of a platform from its masses: a disc, and slender rods.
 
@@ -32,6 +38,8 @@ def hexapod_inertias(
         Mass of the platform, of each cylinder and of each rod [kg].
     leg_length
         Usual length of the legs; default: the mean where `hexapod_chain` puts home by itself [m].
+    stroke
+        Least and greatest leg length, as for `hexapod_chain`; `leg_length` lies within [m].
 
     Returns
     -------
@@ -41,7 +49,8 @@ def hexapod_inertias(
     Raises
     ------
     InputError
-        If a mass or the length is not above zero, or the platform's points coincide.
+        If a mass or the length is not above zero, the stroke is empty, the length is beyond it, or the platform's
+        points coincide.
 
     Examples
     --------
@@ -56,8 +65,13 @@ def hexapod_inertias(
         for name, mass in (("platform", platform), ("lower", lower), ("upper", upper))
     }
     if leg_length is None:
-        home = default_home(hexapod, 0.0, np.inf)
+        home = default_home(hexapod, *read_stroke(stroke))
         leg_length = float(leg_lengths(hexapod, home, np.eye(3)).mean())
+    low, high = read_stroke(stroke)
+    if not low <= leg_length <= high:
+        raise InputError(
+            f"leg_length {leg_length:g} m is beyond the stroke of {low:g} to {high:g} m; choose one within"
+        )
     length = 0.6 * as_positive("leg_length", leg_length)
     centre = hexapod.platform_points.mean(axis=0)
     radius = float(np.linalg.norm(hexapod.platform_points - centre, axis=1).max())

@@ -11,6 +11,13 @@ from stewart_pin.checks import as_positive
 from stewart_pin.errors import FileFormatError, FileMissingError
 from stewart_pin.geometry.hexapod import Hexapod
 
+_ENDS = {
+    "platform": ("platform", "plat", "top", "upper", "moving", "mobile", "effector"),
+    "base": ("base", "bottom", "lower", "fixed", "ground"),
+}
+_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "inch": 0.0254, "ft": 0.3048}
+"""Units of length that a header may name [m]."""
+
 _LARGEST = 2**20
 """Bytes beyond which a file is no table of twelve points."""
 
@@ -37,7 +44,7 @@ def read_hexapod(path: str | Path, *, unit: float = 1.0) -> Hexapod:
     Raises
     ------
     FileFormatError
-        If the file is missing, or a row cannot be read; names the line.
+        If the file is missing, a row cannot be read, or a header names another order or unit; names the line.
     InputError
         If the unit is not above zero.
     """
@@ -60,6 +67,7 @@ def read_hexapod(path: str | Path, *, unit: float = 1.0) -> Hexapod:
         else:
             header = True
             _check_header(path, line, words)
+            _check_unit(path, line, words, unit)
     width = {6: 6, 12: 3}.get(len(rows))
     if width is None:
         raise FileFormatError(
@@ -106,8 +114,7 @@ def _number(word: str) -> float | None:
 def _check_header(path: Path, line: int, words: list[str]) -> None:
     """Refuse a header that says another order than the one read: x y z, base before platform."""
     wrong_axis = any(_axis(word) not in ("", "xyz"[k % 3]) for k, word in enumerate(words))
-    ends = [("base" in word.lower(), "platform" in word.lower()) for word in words]
-    wrong_end = any(platform if k < 3 else base for k, (base, platform) in enumerate(ends))
+    wrong_end = any(_end(word) not in ("", "base" if k < 3 else "platform") for k, word in enumerate(words))
     if wrong_axis or (len(words) == 6 and wrong_end):
         raise FileFormatError(
             f"line {line} names the columns {', '.join(words)}; the order must be base x y z, platform x y z",
@@ -116,9 +123,31 @@ def _check_header(path: Path, line: int, words: list[str]) -> None:
         )
 
 
+def _end(word: str) -> str:
+    """Find the end in a column's name, as in base_x, Bx [mm], top_x, upper joint x; none where no word says it."""
+    name = re.sub(r"[\[(/].*|[_ ](mm|cm|m|in|inch|ft)$", "", word.lower()).strip()
+    for end, words in _ENDS.items():
+        if any(each in name for each in words) or re.match(rf"{end[0]}\d*[^a-z]*[xyz]\d*$", name):
+            return end
+    return ""
+
+
+def _check_unit(path: Path, line: int, words: list[str], unit: float) -> None:
+    """Refuse a header whose unit is not the one that the numbers are multiplied by."""
+    said = {found[1].strip() for word in words if (found := re.search(r"[\[(]([^\])]*)[\])]", word.lower()))}
+    said |= {found[1] for word in words if (found := re.search(r"[_ /](mm|cm|m|in|inch|ft)$", word.lower()))}
+    for name in sorted(said & _UNITS.keys()):
+        if abs(_UNITS[name] - unit) > 1e-9 * unit:
+            raise FileFormatError(
+                f"line {line} says that the numbers are in {name}; pass unit={_UNITS[name]:g}, got {unit:g}",
+                path=str(path),
+                culprit=f"line {line}",
+            )
+
+
 def _axis(word: str) -> str:
     """Find the axis in a column's name, as in base_x, X1, Bx [mm], x base; none where there is no such letter."""
-    name = re.sub(r"[\[(].*", "", word.lower()).strip().rstrip("0123456789")
+    name = re.sub(r"[\[(/].*|[_ ](mm|cm|m|in|inch|ft)$", "", word.lower()).strip().rstrip("0123456789")
     if name[-1:] in tuple("xyz"):
         return name[-1]
     return name[0] if re.match(r"[xyz][^a-z]", name) else ""

@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.building.loading import build_chain
+from stewart_pin.building.rotors import with_rotors_of
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind
 from stewart_pin.model.tree import link_frame
@@ -86,7 +87,8 @@ def lock_joints(chain: ClosedChain, joints: Sequence[str], q: ArrayLike | None =
         home={name: value for name, value in values.items() if name not in locked},
     )
     motors = [motor for motor in chain.motors if motor not in locked]
-    return build_chain(smaller, motors=motors, platform=chain.platform, gravity=chain.gravity)
+    rebuilt = build_chain(smaller, motors=motors, platform=chain.platform, gravity=chain.gravity)
+    return with_rotors_of(chain, rebuilt)
 
 
 def _names(chain: ClosedChain, joints: Sequence[str]) -> set[str]:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import pinocchio as pin
 
 from stewart_pin.building.loading import build_chain
+from stewart_pin.building.rotors import with_rotors_of
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import Joint, JointKind, Link, Mechanism
 from stewart_pin.state.chain import ClosedChain, as_pose
@@ -42,7 +43,8 @@ def with_motors(chain: ClosedChain, motors: Sequence[str]) -> ClosedChain:
     >>> stp.mobility(chain).motors_sufficient
     True
     """
-    return build_chain(chain.described(), motors=motors, platform=chain.platform, gravity=chain.gravity)
+    rebuilt = build_chain(chain.described(), motors=motors, platform=chain.platform, gravity=chain.gravity)
+    return with_rotors_of(chain, rebuilt)
 
 
 def with_platform(
@@ -88,10 +90,12 @@ def with_platform(
             raise InputError(
                 f"name {name!r} needs a placement=: without one, the platform is link '{link}' itself"
             )
-        return build_chain(mechanism, motors=chain.motors, platform=link, gravity=chain.gravity)
+        rebuilt = build_chain(mechanism, motors=chain.motors, platform=link, gravity=chain.gravity)
+        return with_rotors_of(chain, rebuilt)
     name = f"{link}_frame" if name is None else name
     mechanism = with_fixed_link(mechanism, Link(name), link, as_pose("placement", placement))
-    return build_chain(mechanism, motors=chain.motors, platform=name, gravity=chain.gravity)
+    rebuilt = build_chain(mechanism, motors=chain.motors, platform=name, gravity=chain.gravity)
+    return with_rotors_of(chain, rebuilt)
 
 
 def with_fixed_link(mechanism: Mechanism, link: Link, carrier: str, placement: pin.SE3) -> Mechanism:

@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from stewart_pin.building.loading import build_chain
 from stewart_pin.building.roles import require_link, with_fixed_link
+from stewart_pin.building.rotors import with_rotors_of
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.model.description import Link
 from stewart_pin.model.fixed_links import fixed_to
@@ -52,7 +53,8 @@ def replace_inertias(chain: ClosedChain, inertias: Mapping[str, pin.Inertia]) ->
     )
     mechanism = replace(chain.mechanism, links=links)
     validate(mechanism)
-    return replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
+    rebuilt = replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
+    return with_rotors_of(chain, rebuilt)
 
 
 def attach_payload(
@@ -103,7 +105,8 @@ def attach_payload(
     require_link(mechanism, "link", carrier)
     placement = pin.SE3.Identity() if placement is None else as_pose("placement", placement)
     mechanism = with_fixed_link(mechanism, Link(name, inertia), carrier, placement)
-    return build_chain(mechanism, motors=chain.motors, platform=chain.platform, gravity=chain.gravity)
+    rebuilt = build_chain(mechanism, motors=chain.motors, platform=chain.platform, gravity=chain.gravity)
+    return with_rotors_of(chain, rebuilt)
 
 
 def massless_legs(chain: ClosedChain, *, point_platform: bool = False) -> ClosedChain:

@@ -25,7 +25,7 @@ from stewart_pin.mechanics.capability.polytope import (
 from stewart_pin.mechanics.capability.velocity import velocity_polytope
 from stewart_pin.mechanics.capability.wrench import wrench_polytope
 from stewart_pin.mechanics.kinematics import motor_positions, platform_pose
-from stewart_pin.viz.figures import save_figure
+from stewart_pin.viz.figures import check_picture_path, save_figure
 from stewart_pin.viz.polytope_picture import plot_polytopes
 
 
@@ -42,7 +42,9 @@ def capability(
     ] = None,
     limits: Annotated[bool, typer.Option(help="Whether joints must stay in their ranges.")] = True,
     json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Picture of the two sets.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(callback=check_picture_path, help="Picture of the two sets.")
+    ] = None,
 ) -> None:
     """Show greatest velocities and wrenches of the platform at a pose."""
     chain = load(robot)

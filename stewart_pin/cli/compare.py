@@ -14,7 +14,7 @@ from stewart_pin.cli.output import console, parse_numbers, progress_bar, write_j
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.motion.trajectories import sample_times, sinusoidal_motion
 from stewart_pin.studies.comparison import Comparison, compare_methods
-from stewart_pin.viz.figures import save_figure
+from stewart_pin.viz.figures import check_picture_path, save_figure
 from stewart_pin.viz.force_curves import plot_comparison
 
 
@@ -25,7 +25,9 @@ def compare(
     duration: Annotated[float, typer.Option(help="Length of the motion [s].")] = 2.0,
     rate: Annotated[float, typer.Option(help="States per second.")] = 500.0,
     json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
-    plot: Annotated[Path, typer.Option(help="Picture of the force curves.")] = Path("output/compare.png"),
+    plot: Annotated[
+        Path, typer.Option(callback=check_picture_path, help="Picture of the force curves.")
+    ] = Path("output/compare.png"),
 ) -> None:
     """Compare the motor forces of a shaking platform by every method."""
     chain = load(robot)

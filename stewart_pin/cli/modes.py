@@ -22,7 +22,7 @@ from stewart_pin.geometry.rotations import rpy_from_rotation
 from stewart_pin.mechanics.kinematics import motor_positions
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.viz.assembly_modes import plot_assembly_modes
-from stewart_pin.viz.figures import save_figure
+from stewart_pin.viz.figures import check_picture_path, save_figure
 from stewart_pin.viz.planar import plot_poses
 
 
@@ -35,7 +35,9 @@ def modes(
         str | None, typer.Option(help="Instead of a robot, a planar 3-RPR: L1,L2,L3,gamma,x1,x2,y2 [m, rad].")
     ] = None,
     json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Picture of all poses side by side.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(callback=check_picture_path, help="Picture of all poses side by side.")
+    ] = None,
 ) -> None:
     """Find every pose in which a platform can be assembled for given leg lengths."""
     if planar is not None:

@@ -28,7 +28,7 @@ from stewart_pin.motion.earthquakes import earthquake_motion, synthetic_accelero
 from stewart_pin.motion.shake_table import FitReport, fit_to_limits
 from stewart_pin.motion.simulation.simulate import simulate
 from stewart_pin.motion.trajectories import sample_times
-from stewart_pin.viz.figures import save_figure
+from stewart_pin.viz.figures import check_picture_path, save_figure
 
 
 def shake(
@@ -42,7 +42,9 @@ def shake(
     controller: Annotated[str, typer.Option(help=f"One of {', '.join(CONTROLLERS)}.")] = "computed_torque",
     dt: Annotated[float, typer.Option(help="Step, and period of the controller [s].")] = 2e-3,
     json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Picture of the motion.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(callback=check_picture_path, help="Picture of the motion.")
+    ] = None,
 ) -> None:
     """Fit an earthquake to the robot's limits, and shake it; controller none: only fit."""
     if controller not in CONTROLLERS:

@@ -23,7 +23,7 @@ from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.motion.simulation.record import Simulation
 from stewart_pin.motion.simulation.simulate import simulate as run_simulation
 from stewart_pin.motion.trajectories import sinusoidal_motion
-from stewart_pin.viz.figures import save_figure
+from stewart_pin.viz.figures import check_picture_path, save_figure
 
 
 def simulate(
@@ -35,7 +35,9 @@ def simulate(
     dt: Annotated[float, typer.Option(help="Step, and period of the controller [s].")] = 1e-3,
     method: Annotated[str, typer.Option(help="'fixed' or a method of SciPy's.")] = "fixed",
     json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Picture of the motion.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(callback=check_picture_path, help="Picture of the motion.")
+    ] = None,
 ) -> None:
     """Simulate a robot without drift, at rest at home or shaken by a controller."""
     chain = load(robot)

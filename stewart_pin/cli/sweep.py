@@ -26,7 +26,7 @@ from stewart_pin.motion.trajectories import PlatformSamples, sinusoidal_motion
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.studies.demand_sweep import sweep_demand
 from stewart_pin.studies.record import Sweep
-from stewart_pin.viz.figures import save_figure
+from stewart_pin.viz.figures import check_picture_path, save_figure
 from stewart_pin.viz.sweep_picture import plot_sweep
 
 _SHOWN = {
@@ -62,7 +62,7 @@ def sweep(
         Path | None, typer.Option(help="Keep what is done in this file; if it exists, go on from there.")
     ] = None,
     json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Map of one figure.")] = None,
+    plot: Annotated[Path | None, typer.Option(callback=check_picture_path, help="Map of one figure.")] = None,
     show: Annotated[str, typer.Option(help=f"Figure on the map: {', '.join(_SHOWN)}.")] = "peak_effort",
 ) -> None:
     """Map what shaking a platform at every amplitude and frequency asks of the motors."""

@@ -75,6 +75,40 @@ def leg_points(mechanism: Mechanism, motors: Sequence[str], platform: str) -> tu
     return np.array(base).reshape(-1, 3), np.array(top).reshape(-1, 3)
 
 
+def leg_readings(
+    mechanism: Mechanism, motors: Sequence[str], platform: str, home: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Find what each motor of a leg reads: length = offset + sign × reading.
+
+    Parameters
+    ----------
+    mechanism
+        Description.
+    motors
+        Names of the motor joints.
+    platform
+        Name of the platform link.
+    home
+        (nu,) readings at home, which tell to which side the leg points [m].
+
+    Returns
+    -------
+    sign : numpy.ndarray
+        (nu,) 1 where a longer leg reads more, -1 where it reads less, dimensionless.
+    offset : numpy.ndarray
+        (nu,) length where the motor reads zero [m].
+
+    Raises
+    ------
+    UnsupportedError
+        If a motor does not drive a leg, see `leg_points`.
+    """
+    walker = _Walker(mechanism, platform)
+    zero = np.array([walker.zero(mechanism.joint(motor)) for motor in motors])
+    sign = np.where(zero + home < 0, -1.0, 1.0)
+    return sign, sign * zero
+
+
 class _Walker:
     def __init__(self, mechanism: Mechanism, platform: str) -> None:
         self.ends = (mechanism.root, platform)
@@ -92,6 +126,15 @@ class _Walker:
 
     def leg(self, motor: Joint) -> dict[str, FloatArray]:
         """Find the ends of one leg: the point in the ground and the point in the platform, by link."""
+        below, above, _ = self._ends(motor)
+        return {link: locus.origin for link, locus in (below, above)}
+
+    def zero(self, motor: Joint) -> float:
+        """Find how far along its axis the leg reaches where the motor reads zero."""
+        return float(motor.axis @ self._ends(motor)[2])
+
+    def _ends(self, motor: Joint) -> tuple[tuple[str, _Locus], tuple[str, _Locus], FloatArray]:
+        """Find both ends of a leg, and the way between them in the motor's frame, where the motor reads zero."""
         if motor.kind is not JointKind.PRISMATIC:
             raise _no_leg(motor.name, f"it is {motor.kind}, not prismatic")
         below, above = (
@@ -105,7 +148,7 @@ class _Walker:
         miss = float(np.linalg.norm(np.cross(motor.axis, apart)))
         if miss > self.tolerance:
             raise _no_leg(motor.name, f"its axis misses the line between the leg's ends by {miss:.3g} m")
-        return {link: locus.origin for link, locus in (below, above)}
+        return below, above, apart
 
     def _walk(self, motor: Joint, link: str, behind: str) -> tuple[str, _Locus]:
         """Walk from one side of the motor over joints about one point to the ground or the platform."""

@@ -10,12 +10,16 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import MechanismError
-from stewart_pin.model.description import LOOP_KINDS, TREE_KINDS, Link, Mechanism, Note, Outcome
+from stewart_pin.model.description import LOOP_KINDS, TREE_KINDS, JointKind, Link, Mechanism, Note, Outcome
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9
 """Slack of the triangle inequality, relative to the trace (thin rods printed with few digits touch it), of unit
 vectors and of rotations."""
+
+_NO_MOMENT = 1e-30
+"""Moments that are zero but for round-off [kg m²]: a programme that turns a zero inertia leaves some 1e-35, and a body
+of 1e-18 kg that is one micrometre large has 1e-30."""
 
 
 def validate(mechanism: Mechanism) -> None:
@@ -89,11 +93,26 @@ class _Validator:
                 problem += "; correct its digits, or let load keep it by odd_inertias=True"
         if problem:
             raise self._error(link.name, f"link '{link.name}': {problem}")
-        if mass == 0 and np.abs(inertia).max() > 0:
+        if mass == 0 and np.abs(inertia).max() > 0 and not self._has_heavy_part(link.name):
             raise self._error(
                 link.name,
                 f"link '{link.name}' has inertia but no mass; give it a mass, or remove its <inertial> element",
             )
+
+    def _has_heavy_part(self, name: str) -> bool:
+        """Tell whether a link is fixed, perhaps through others, to one with mass: together they are one real body."""
+        reached, frontier = {name}, [name]
+        fixed = [(j.parent, j.child) for j in self.mechanism.joints if j.kind is JointKind.FIXED]
+        while frontier:
+            link = frontier.pop()
+            beside = {b if a == link else a for a, b in fixed if link in (a, b)} - reached
+            reached |= beside
+            frontier.extend(beside)
+        return any(
+            link.inertia is not None and link.inertia.mass > 0
+            for link in self.mechanism.links
+            if link.name in reached
+        )
 
     def _placement(self, owner: str, culprit: str, placement: pin.SE3) -> None:
         homogeneous = placement.homogeneous
@@ -193,11 +212,18 @@ class _Validator:
 
     def _couplings(self) -> None:
         joints = {joint.name: joint for joint in self.mechanism.joints}
+        loops = {loop.name for loop in self.mechanism.loops}
         for coupling in self.mechanism.couplings:
             owner = f"coupling '{coupling.name}'"
             for name in (coupling.joint1, coupling.joint2):
                 if name is None:
                     continue
+                if name in loops:
+                    raise self._error(
+                        coupling.name,
+                        f"{owner} names joint '{name}', which closes a loop and has no coordinate; couple a joint of "
+                        "the tree, or cut the loop at another joint",
+                    )
                 if name not in joints:
                     raise self._error(
                         coupling.name, f"{owner} names the missing joint '{name}'; correct the name"
@@ -237,7 +263,7 @@ def negative_moment(inertia: np.ndarray) -> str | None:
         The reason, or None.
     """
     moments = np.linalg.eigvalsh(inertia)
-    if moments[0] < -_ROUND_OFF * np.abs(moments).sum():
+    if moments[0] < -max(_ROUND_OFF * np.abs(moments).sum(), _NO_MOMENT):
         return f"the inertia has the negative principal moment {moments[0]:g} kg m²"
     return None
 
@@ -256,7 +282,7 @@ def broken_triangle(inertia: np.ndarray) -> str | None:
         The reason, or None for the inertia of a real body.
     """
     moments = np.linalg.eigvalsh(inertia)
-    if moments[2] > moments[0] + moments[1] + _ROUND_OFF * np.abs(moments).sum():
+    if moments[2] > moments[0] + moments[1] + max(_ROUND_OFF * np.abs(moments).sum(), _NO_MOMENT):
         return (
             f"the principal moments {moments[0]:g}, {moments[1]:g}, {moments[2]:g} kg m² break the triangle "
             "inequality: no body has one moment larger than the sum of the other two"

@@ -86,7 +86,7 @@ class Feedforward:
                 want.acceleration,
                 gravity=chain.gravity,
             )
-            return answer.actuator[0]
+            return chain.leg_readings()[0] * answer.actuator[0]
         state = platform_motion(
             chain, want.pose(0), want.twist[0], want.acceleration[0], q_guess=q, limits=False
         )
@@ -259,7 +259,8 @@ class ComputedTorque:
             return efforts
         moment = pose.rotation @ body.inertia @ pose.rotation.T @ angular
         jacobian = leg_jacobian(self._hexapod, pose.translation, pose.rotation)
-        return efforts + np.linalg.solve(jacobian.T, np.concatenate([np.zeros(3), moment]))
+        turning = np.linalg.solve(jacobian.T, np.concatenate([np.zeros(3), moment]))
+        return efforts + self.chain.leg_readings()[0] * turning
 
     @cached_property
     def _hexapod(self) -> Any:
@@ -332,10 +333,7 @@ class _MotorReference:
         except UnsupportedError:
             self._hexapod = None
             return
-        home = State(chain, chain.q_home).pose
-        lengths = leg_lengths(self._hexapod, home.translation, home.rotation)
-        # A file may count its strokes from another length than zero.
-        self._offset = chain.q_home[chain.motor_q_index] - lengths
+        self._sign, self._offset = chain.leg_readings()
 
     def at(self, t: float, q: Configuration) -> tuple[FloatArray, FloatArray]:
         if t != self._time:
@@ -348,14 +346,14 @@ class _MotorReference:
         if self._hexapod is not None:
             lengths = leg_lengths(self._hexapod, want.position, want.rotation)[0]
             rates = leg_rates(self._hexapod, want.position, want.rotation, want.twist)[0]
-            return lengths + self._offset, rates
+            return self._sign * (lengths - self._offset), self._sign * rates
         state = platform_motion(chain, want.pose(0), want.twist[0], np.zeros(6), q_guess=q, limits=False)
         return state.q[chain.motor_q_index], state.v[chain.motor_index]
 
 
 def _point_mass(chain: ClosedChain, hexapod: Any, pose: pin.SE3, acceleration: FloatArray) -> FloatArray:
     body = chain.mechanism.link(chain.platform).inertia
-    return point_mass_forces(
+    return chain.leg_readings()[0] * point_mass_forces(
         hexapod,
         pose.translation,
         pose.rotation,

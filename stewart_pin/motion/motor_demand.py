@@ -20,7 +20,7 @@ from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
-from stewart_pin.mechanics.kinematics import State, inverse_kinematics, platform_motion, platform_pose
+from stewart_pin.mechanics.kinematics import State, inverse_kinematics, platform_motion
 from stewart_pin.model.description import JointKind
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
@@ -207,18 +207,16 @@ def _closed_form(chain: ClosedChain) -> tuple[Hexapod, HexapodBodies] | None:
 def _by_closed_form(
     chain: ClosedChain, hexapod: Hexapod, bodies: HexapodBodies, samples: PlatformSamples
 ) -> MotorDemand:
-    home = platform_pose(chain, chain.q_home)
-    # A file may count its strokes from another length than zero.
-    offset = chain.q_home[chain.motor_q_index] - leg_lengths(hexapod, home.translation, home.rotation)
+    sign, offset = chain.leg_readings()
     place = (samples.position, samples.rotation)
     forces = hexapod_inverse_dynamics(
         hexapod, bodies, *place, samples.twist, samples.acceleration, gravity=chain.gravity
     )
     return MotorDemand(
         time=samples.time,
-        positions=leg_lengths(hexapod, *place) + offset,
-        rates=leg_rates(hexapod, *place, samples.twist),
-        efforts=forces.actuator,
+        positions=sign * (leg_lengths(hexapod, *place) - offset),
+        rates=sign * leg_rates(hexapod, *place, samples.twist),
+        efforts=sign * forces.actuator,
     )
 
 

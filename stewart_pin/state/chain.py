@@ -13,7 +13,7 @@ from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.model.description import Coupling, Loop, Mechanism, Note, Report
-from stewart_pin.model.leg_points import leg_points
+from stewart_pin.model.leg_points import leg_points, leg_readings
 from stewart_pin.model.loop_table import LoopTable, build_loop_table, support
 from stewart_pin.model.motors import mark_motors
 from stewart_pin.model.sizes import length_scale
@@ -380,6 +380,18 @@ class ClosedChain:
             (nu, 3) in the platform frame [m].
         """
         return leg_points(self.mechanism, self.motors, self.platform)
+
+    def leg_readings(self) -> tuple[FloatArray, FloatArray]:
+        """Find what the motors of legs read: length = offset + sign × reading.
+
+        Returns
+        -------
+        sign : numpy.ndarray
+            (nu,) 1 where a longer leg reads more, else -1, dimensionless.
+        offset : numpy.ndarray
+            (nu,) length where the motor reads zero [m].
+        """
+        return leg_readings(self.mechanism, self.motors, self.platform, self.q_home[self.motor_q_index])
 
 
 def as_configuration(chain: ClosedChain, name: str, q: ArrayLike) -> Configuration:

@@ -168,20 +168,23 @@ def spread(forces: Mapping[str, FloatArray]) -> float:
 
 
 def _closed_form(chain: ClosedChain, samples: PlatformSamples) -> FloatArray:
-    return hexapod_inverse_dynamics(
-        Hexapod.from_chain(chain),
-        hexapod_bodies(chain),
-        samples.position,
-        samples.rotation,
-        samples.twist,
-        samples.acceleration,
-        gravity=chain.gravity,
-    ).actuator
+    return (
+        chain.leg_readings()[0]
+        * hexapod_inverse_dynamics(
+            Hexapod.from_chain(chain),
+            hexapod_bodies(chain),
+            samples.position,
+            samples.rotation,
+            samples.twist,
+            samples.acceleration,
+            gravity=chain.gravity,
+        ).actuator
+    )
 
 
 def _point_mass(chain: ClosedChain, samples: PlatformSamples) -> FloatArray:
     body = chain.mechanism.link(chain.platform).inertia
-    return point_mass_forces(
+    return chain.leg_readings()[0] * point_mass_forces(
         Hexapod.from_chain(chain),
         samples.position,
         samples.rotation,

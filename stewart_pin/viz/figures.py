@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from stewart_pin.errors import MissingExtraError
+from stewart_pin.errors import InputError, MissingExtraError
 
 
 def new_figure(width: float, height: float) -> Any:
@@ -31,6 +31,42 @@ def new_figure(width: float, height: float) -> Any:
     except ImportError:
         raise MissingExtraError("matplotlib", "plot") from None
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def check_picture_path(path: Path | None) -> Path | None:
+    """Refuse a picture that could not be written, before anything is computed for it.
+
+    Parameters
+    ----------
+    path
+        File to create, or None for no picture.
+
+    Returns
+    -------
+    pathlib.Path or None
+        The same.
+
+    Raises
+    ------
+    InputError
+        If the suffix is of no known format, or the path is a folder.
+    MissingExtraError
+        If Matplotlib is not installed.
+    """
+    if path is None:
+        return None
+    try:
+        from matplotlib.backend_bases import FigureCanvasBase  # noqa: PLC0415 - optional
+    except ImportError:
+        raise MissingExtraError("matplotlib", "plot") from None
+    known = FigureCanvasBase.get_supported_filetypes()
+    if path.suffix and path.suffix[1:].lower() not in known:
+        raise InputError(
+            f"--plot {path}: pictures end in .{', .'.join(sorted(known))}; choose another suffix"
+        )
+    if path.is_dir():
+        raise InputError(f"--plot {path}: is a folder; name a file in it")
+    return path
 
 
 def save_figure(figure: Any, path: Path) -> None:

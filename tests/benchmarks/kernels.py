@@ -80,6 +80,7 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
     aside = rng.normal(size=(N, 3))
     farther = pose + np.hstack([0.05 * aside / np.linalg.norm(aside, axis=1)[:, None], np.zeros((N, 4))])
     by_motors = stp.compile_kernels(chain, coordinates="motor")
+    pose_of, held = kernels.single_state("forward_kinematics"), by_motors.single_state("inverse_dynamics")
     rates = np.einsum("nij,nj->ni", kernels.motor_jacobian(pose), twist)
     sped, far = rng.normal(size=(N, chain.nu)), lengths.copy()
     far[::64, ::2] *= 5.0  # out of reach of the others
@@ -163,6 +164,19 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
         "kernel, array of one state": (lambda: [inverse(*short, out=out[:1]) for _ in range(FEW)], FEW),
         "kernel, single state, arrays given": (lambda: [one(*first) for _ in range(FEW)], FEW),
         "kernel, single state, in place": (lambda: [one.run() for _ in range(FEW)], FEW),
+        "forward kinematics, array of one state": (
+            lambda: [kernels.forward_kinematics(lengths[:1], home) for _ in range(FEW)],
+            FEW,
+        ),
+        "forward kinematics, single state": (lambda: [pose_of(lengths[0], home) for _ in range(FEW)], FEW),
+        "motor coordinates, array of one state": (
+            lambda: [by_motors.inverse_dynamics(lengths[:1], rates[:1], sped[:1]) for _ in range(FEW)],
+            FEW,
+        ),
+        "motor coordinates, single state": (
+            lambda: [held(lengths[0], rates[0], sped[0]) for _ in range(FEW)],
+            FEW,
+        ),
         "forward dynamics": (lambda: kernels.forward_dynamics(pose, twist, tau), N),
         "loop reactions": (lambda: kernels.reactions(pose, twist, acceleration), N),
         "regressor": (lambda: kernels.regressor(pose, twist, acceleration), N),

@@ -57,3 +57,13 @@ def test_estimated_bodies_refuse_what_has_no_size(report_ideal: stp.Hexapod) -> 
     point = stp.Hexapod(report_ideal.base_points, np.zeros((6, 3)))
     with pytest.raises(InputError, match="all platform points coincide"):
         stp.hexapod_inertias(point, platform=1.0, lower=1.0, upper=1.0)
+
+
+def test_bodies_are_made_for_a_leg_inside_the_stroke() -> None:
+    hexapod = stp.semi_regular_hexapod(0.5, 0.4, 0.2, 0.3)
+    masses = {"platform": 20.0, "lower": 2.0, "upper": 1.5}
+    for stroke in ((0.5, 0.8), (0.9, 1.3)):
+        made = stp.hexapod_inertias(hexapod, **masses, stroke=stroke)
+        assert 0.3 * stroke[0] <= np.linalg.norm(made["lower"].lever) <= 0.3 * stroke[1]
+    with pytest.raises(InputError, match="beyond the stroke"):
+        stp.hexapod_inertias(hexapod, **masses, leg_length=2.0, stroke=(0.5, 0.8))

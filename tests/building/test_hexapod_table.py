@@ -88,3 +88,27 @@ def test_missing_and_foreign_files_are_named(tmp_path: Path) -> None:
 def test_bad_tables_name_the_row(rows, words: str) -> None:
     with pytest.raises(InputError, match=words):
         stp.Hexapod.from_points(rows)
+
+
+@pytest.mark.parametrize(
+    "names",
+    ["p{0},b{0}", "p_{0},b_{0}", "top_{0},bottom_{0}", "upper {0},lower {0}", "P{0}1,B{0}1", "P1{0},B1{0}"],
+)
+def test_a_header_that_puts_the_platform_first_is_refused(
+    tmp_path: Path, table: np.ndarray, names: str
+) -> None:
+    head = [each.format(axis) for each in names.split(",") for axis in "xyz"]
+    lines = [",".join(map(str, row)) for row in table.tolist()]
+    with pytest.raises(FileFormatError, match="order must be base x y z"):
+        stp.read_hexapod(written(tmp_path, [",".join(head), *lines]), unit=1e-3)
+    hexapod = stp.read_hexapod(written(tmp_path, [",".join(head[3:] + head[:3]), *lines]), unit=1e-3)
+    np.testing.assert_allclose(hexapod.base_points, 1e-3 * table[:, :3], rtol=1e-15)
+
+
+@pytest.mark.parametrize("style", ["{} [mm]", "{}(mm)", "{}_mm", "{}/mm"])
+def test_a_unit_in_the_header_is_not_passed_over(tmp_path: Path, table: np.ndarray, style: str) -> None:
+    head = ",".join(style.format(name) for name in ("bx", "by", "bz", "px", "py", "pz"))
+    path = written(tmp_path, [head, *(",".join(map(str, row)) for row in table.tolist())])
+    with pytest.raises(FileFormatError, match=r"in mm; pass unit=0\.001"):
+        stp.read_hexapod(path)
+    np.testing.assert_allclose(stp.read_hexapod(path, unit=1e-3).base_points, 1e-3 * table[:, :3], rtol=1e-15)

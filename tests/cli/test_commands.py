@@ -101,3 +101,12 @@ def test_json_into_nowhere_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     answer = run("inspect", "stewart", "--json", str(tmp_path / "file" / "x.json"))
     assert answer.returncode == 2 and "--json" in answer.stderr
+
+
+@pytest.mark.parametrize("command", ["compare", "capability", "modes", "simulate", "shake", "sweep"])
+def test_a_picture_of_unknown_format_ends_before_computing(command: str, tmp_path: Path) -> None:
+    for path, words in ((tmp_path / "x.xyz", "pictures end in"), (tmp_path, "is a folder")):
+        arguments = [] if command == "compare" else ["stewart"]
+        answer = run(command, *arguments, "--plot", str(path))
+        assert answer.returncode == 2 and not answer.stdout.strip()
+        assert len(answer.stderr.strip().splitlines()) == 1 and words in answer.stderr

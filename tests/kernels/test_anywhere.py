@@ -112,5 +112,5 @@ def test_motors_anywhere(name: str) -> None:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_poses_anywhere(name: str) -> None:
     number = compared_poses(name, 100, 5)
-    # Poses were reached by motors, round dead centres of legs too: what is on another branch is refused by one of the two.
+    # Motors lead round dead centres of legs too: a pose that is met on another branch may be refused.
     assert number["answered"] > 50 and number["refused"] <= 5, number

@@ -195,9 +195,7 @@ def test_one_state_at_a_time(verb: str, rng: np.random.Generator) -> None:
         assert one.status == StateStatus.SINGULAR
 
 
-def test_one_state_needs_no_search() -> None:
-    with pytest.raises(stp.errors.UnsupportedError, match="coordinates='tree'"):
-        kernels("four_bar").single_state("inverse_dynamics")
+def test_unknown_verbs_have_no_single_state() -> None:
     with pytest.raises(stp.errors.InputError, match="inverse_statics"):
         kernels("stewart").single_state("inverse_statics")
 

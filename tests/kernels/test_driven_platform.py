@@ -273,8 +273,8 @@ def test_what_verbs_are_given_is_no_pose() -> None:
     many = kernels("stewart", "motor")
     with pytest.raises(stp.errors.InputError, match="6"):
         many.inverse_dynamics(np.zeros(7), np.zeros(6), np.zeros(6))
-    with pytest.raises(UnsupportedError, match="looks for the configuration first"):
-        many.single_state("inverse_dynamics")
+    with pytest.raises(UnsupportedError, match="coordinates='platform'"):
+        many.single_state("forward_kinematics")
 
 
 @pytest.mark.parametrize(

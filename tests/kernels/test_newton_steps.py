@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+
 import casadi as ca
 import numpy as np
 import pinocchio as pin
@@ -14,7 +17,7 @@ from stewart_pin.kernels.graph.platform_dynamics import place_platform
 from stewart_pin.kernels.graph.platform_kinematics import pose_equations
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.programs.status import StateStatus
-from stewart_pin.kernels.verbs.newton import NewtonSteps, Plans, damped_newton, solve_on_branch, straight
+from stewart_pin.kernels.verbs.newton import NewtonSteps, Plans, Solved, solve_on_branch, straight
 from stewart_pin.tolerances import CLOSED
 from tests.closed_states import robot
 from tests.kernels.hexapod_graph import sample_states
@@ -33,9 +36,17 @@ def square_roots() -> NewtonEquations:
 def newton(equations: NewtonEquations) -> NewtonSteps:
     return NewtonSteps(
         compile_function(double_step("double", equations)),
-        lambda: compile_function(damped_step("damped", equations)),
-        lambda: compile_function(stretch_step("stretch", equations)),
+        cache(lambda: compile_function(damped_step("damped", equations))),
+        cache(lambda: compile_function(stretch_step("stretch", equations))),
     )
+
+
+def solve(
+    equations: NewtonEquations, met: Callable[[np.ndarray], np.ndarray], start: np.ndarray, target: np.ndarray
+) -> Solved:
+    """Solve from states that meet other targets."""
+    steps = newton(equations)
+    return solve_on_branch(Plans(lambda: [steps]), start, lambda rows: met(start[rows]), target, straight)
 
 
 def test_a_double_step_is_newton_and_a_chord() -> None:
@@ -64,13 +75,13 @@ def test_what_is_called_closed_is_closed() -> None:
     # From tiny targets, nearly a double root, to ordinary ones; starts from near to far.
     target = np.logspace(-12, 0, 200)[:, None]
     for start in (1e-3, 0.5, 30.0):
-        solved = damped_newton(newton(square_roots()), np.full((200, 1), start), target)
+        solved = solve(square_roots(), np.square, np.full((200, 1), start), target)
         assert solved.closed.all()
         assert np.abs(solved.states**2 - target).max() < 1e-11
 
 
 def test_no_root_is_not_called_closed() -> None:
-    solved = damped_newton(newton(square_roots()), np.ones((2, 1)), np.array([[-1e-6], [4.0]]))
+    solved = solve(square_roots(), np.square, np.ones((2, 1)), np.array([[-1e-6], [4.0]]))
     assert solved.closed.tolist() == [False, True]
 
 
@@ -123,7 +134,7 @@ def damped_by_hand(x: float, target: float) -> float | None:
 def test_damped_steps_reach_what_full_ones_run_away_from() -> None:
     start = np.repeat([1.0, 3.0, 30.0, 300.0], 50)[:, None]
     target = np.tile(np.linspace(-2.0, 2.0, 50), 4)[:, None]
-    solved = damped_newton(newton(arctangents()), start, target)
+    solved = solve(arctangents(), np.arctan, start, target)
     by_hand = [damped_by_hand(x, t) for x, t in zip(start[:, 0], target[:, 0], strict=True)]
     expected = np.array([np.nan if x is None else x for x in by_hand])
     assert 100 < np.isfinite(expected).sum() < 180
@@ -141,7 +152,7 @@ def test_a_gap_that_is_partly_no_number_is_not_closed() -> None:
     equations = NewtonEquations(
         x, target, gap, size, lambda g: g, lambda x, step: x + step, np.ones(1), ca.SX(1)
     )
-    solved = damped_newton(newton(equations), np.array([[2.5], [2.5]]), np.array([[1.0], [2.0]]))
+    solved = solve(equations, np.positive, np.array([[2.5], [2.5]]), np.array([[1.0], [2.0]]))
     assert solved.closed.tolist() == [False, True]
 
 
@@ -152,15 +163,7 @@ def test_a_branch_is_kept_or_said_to_be_lost() -> None:
     close = lambda g: g / (3 * x * x - 3)  # noqa: E731
     equations = NewtonEquations(x, target, gap, gap, close, lambda x, step: x + step, np.ones(1), x * x - 1)
     wanted = np.linspace(-4.0, 40.0, 400)[:, None]
-    start = np.array([[1.1]])
-    steps = newton(equations)
-    solved = solve_on_branch(
-        Plans(lambda: [steps]),
-        start,
-        lambda rows: np.tile(start**3 - 3 * start, (len(rows), 1)),
-        wanted,
-        straight,
-    )
+    solved = solve(equations, lambda x: x**3 - 3 * x, np.full((400, 1), 1.1), wanted)
     roots = np.array([np.real(np.roots([1, 0, -3, -t])).max() for t in wanted[:, 0]])
     beyond = wanted[:, 0] > -2
     np.testing.assert_array_equal(solved.kept, beyond)

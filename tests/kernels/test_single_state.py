@@ -23,12 +23,17 @@ def kernel(engine: Engine) -> ArrayKernel:
 
 
 @each_engine
-def test_results_stay_in_place_until_the_next_call(engine: Engine) -> None:
+def test_results_are_fresh_unless_a_place_is_given(engine: Engine) -> None:
     single = kernel(engine).single_state()
     y, z = single(np.array([4.0, 1.0]), np.array([[1.0, 2.0], [3.0, 4.0]]))
     assert (y[0], *z, single.status) == (3.0, 6.0, 16.0, StateStatus.OK)
-    single(np.array([9.0, 1.0]), np.eye(2))
-    assert (y[0], *z) == (4.0, 9.0, 1.0)
+    out = np.empty(1), np.empty(2)
+    given = single(np.array([9.0, 1.0]), np.eye(2), out=out)
+    assert (y[0], *z) == (3.0, 6.0, 16.0)
+    assert given[0] is out[0] and (out[0][0], *out[1]) == (4.0, 9.0, 1.0)
+    for wrong in (out[:1], (out[0], np.empty(3)), (out[0], np.empty(2, dtype=np.float32))):
+        with pytest.raises(InputError, match="out must"):
+            single(np.array([9.0, 1.0]), np.eye(2), out=wrong)
     single.inputs[0][:] = 16.0, 2.0
     single.run()
     assert (single.outputs[0][0], *single.outputs[1]) == (6.0, 16.0, 2.0)

@@ -13,11 +13,11 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.kernels.graph.state_functions import forward_dynamics_function, inverse_dynamics_function
-from stewart_pin.kernels.graph.whole_tree import close_tree
+from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree, tree_bias
 from stewart_pin.mechanics.effort import Effort
 from stewart_pin.model.description import LOOP_KINDS, JointKind
 from tests import mechanisms
-from tests.closed_states import close, random_configuration, random_motion, robot
+from tests.closed_states import along, close, derivative, random_configuration, random_motion, robot
 from tests.kernels.tied_platforms import carts, in_the_tree
 from tests.laws.conftest import Case, round_off_of_accelerations
 
@@ -61,6 +61,38 @@ def call(function: ca.Function, *arguments: np.ndarray) -> tuple[np.ndarray, ...
 @pytest.fixture(params=BUILDERS)
 def chain(request: pytest.FixtureRequest, rng: np.random.Generator) -> stp.ClosedChain:
     return BUILDERS[request.param](rng)
+
+
+def rows_of(closed: ClosedTree) -> ca.Function:
+    """Rows of a chain, turned back into its own, and their bias."""
+    v, columns = ca.SX.sym("v", closed.tree.nv), closed.columns
+    rows, bias = columns.turn @ columns.transpose.T, columns.turn @ tree_bias(closed, v)
+    return ca.Function("rows", [closed.q, v], [rows, bias])
+
+
+def test_rows_and_bias_hold_at_open_loops(chain: stp.ClosedChain, rng: np.random.Generator) -> None:
+    """As those of one state, and as differences say, for a velocity that opens the loops further."""
+    if not chain.nc:
+        pytest.skip("no loops")
+    rows = rows_of(close_tree(chain))
+    q = pin.integrate(chain.model, chain.q_home, 0.2 * rng.normal(size=chain.nv) * chain.tangent_scale)
+    v = rng.normal(size=chain.nv) * chain.tangent_scale
+    jacobian, bias = (np.array(x) for x in rows.call([q, v]))
+    close(jacobian, stp.loop_jacobian(chain, q), 1e-14)
+    close(bias[:, 0], stp.loop_bias(chain, q, v), 1e-13)
+    slope = derivative(lambda t: np.array(rows.call([along(chain, q, v)(t), v])[0]) @ v)
+    close(bias[:, 0], slope, 1e-8)  # differences of order 4: 1e-12 of rates, of which three in a row enter
+
+
+def test_rows_of_closed_loops_are_the_same_in_fewer_operations(
+    chain: stp.ClosedChain, rng: np.random.Generator
+) -> None:
+    q = random_configuration(chain, rng)
+    v, _ = random_motion(chain, rng, q)
+    exact, short = (rows_of(close_tree(chain, closed=closed)) for closed in (False, True))
+    assert short.n_instructions() <= exact.n_instructions()
+    for one, two in zip(exact.call([q, v]), short.call([q, v]), strict=True):
+        close(np.array(one), np.array(two), 1e-11)  # loops close to 1e-12 of the robot's size
 
 
 def test_agrees_with_the_one_state_verbs(chain: stp.ClosedChain, rng: np.random.Generator) -> None:

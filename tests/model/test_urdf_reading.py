@@ -228,7 +228,7 @@ MISTAKES = {
     "zero axis": (joint("j", "base", "arm", axis='<axis xyz="0 0 0"/>'), "<axis xyz> is of length zero"),
     "flag": (joint("j", "base", "arm", attributes='independent="yes"'), "'true' or 'false', got 'yes'"),
     "mass missing": (link("l", "<inertial><inertia/></inertial>"), "needs a <mass>"),
-    "inertia entry": (link("l", INERTIAL.replace("ixy", "iyx")), "attribute 'iyx'"),
+    "inertia entry": (link("l", INERTIAL.replace("ixy", "iyx")), "lacks 'ixy'"),
     "two inertials": (link("l", INERTIAL * 2), "has 2 <inertial>"),
     "loop type": (loop("l", "floating", "arm", "base"), "type 'floating'; supported: .*universal"),
     "loop axis": (loop("l", "revolute", "arm", "base"), "loop 'l' .*needs a <axis>"),

@@ -11,7 +11,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import MechanismError
-from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
+from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism
 from stewart_pin.model.validation import broken_triangle, validate
 from tests.small_urdf import ARM, INERTIAL, MOTOR, home, joint, link, loop, robot, write
 
@@ -144,3 +144,9 @@ def test_a_quaternion_at_home_has_unit_length(tmp_path: Path) -> None:
     text = robot(*ARM, link("free"), joint("fly", "base", "free", "floating"), home(fly="0 0 1 0 0 0 0"))
     with pytest.raises(MechanismError, match="quaternion that is not of unit length"):
         stp.load(write(tmp_path, text))
+
+
+def test_a_coupling_to_a_joint_that_closes_a_loop_says_so() -> None:
+    geared = replace(GOOD, couplings=(Coupling("gear", "ja", "la", (0.0, 2.0)),))
+    with pytest.raises(MechanismError, match="names joint 'la', which closes a loop"):
+        validate(geared)

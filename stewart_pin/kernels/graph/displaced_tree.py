@@ -44,7 +44,7 @@ def displaced_tree(closed: ClosedTree) -> tuple[ClosedTree, ca.SX]:
     joints = tuple(_moved_joint(joint, moves) for joint in tree.joints)
     loops = tuple(_moved_loop(loop, moves) for loop in tree.loops)
     tree = replace(tree, joints=joints, loops=loops)
-    at = placements(joints, [joint_placement(joint, q[joint.q]) for joint in joints])
+    at = placements(joints, [joint_placement(joint, q[joint.q]) for joint in joints], closed=closed.at.closed)
     return replace(closed, tree=tree, at=at, columns=loop_columns(tree, at, q)), symbols
 
 

@@ -135,7 +135,12 @@ class FunctionSet:
     @cached_property
     def closed(self) -> ClosedTree:
         """The whole tree with its loop rows eliminated."""
-        return whole_tree.close_tree(self.chain, self._around)
+        return whole_tree.close_tree(self.chain, self._around, closed=self.coordinates != "tree")
+
+    @cached_property
+    def any_state(self) -> ClosedTree:
+        """The same for states that may be a little off closed loops."""
+        return self.closed if self.coordinates == "tree" else whole_tree.close_tree(self.chain)
 
     @property
     def replanned(self) -> bool:
@@ -294,7 +299,7 @@ class FunctionSet:
         if name not in self.names:
             raise InputError(f"name must be one of {', '.join(self.names)}, got {name!r}")
         if name in _TREE:
-            return _TREE[name](self.closed)
+            return _TREE[name](self.any_state)
         if name in _BY_TREE:
             return self._by_tree(name)
         if self.coordinates == "tree":

@@ -92,7 +92,7 @@ class _Sums:
         """Write w·f + α·c_a and the pairs for the chain as it is or displaced: (results, 1)."""
         joints, on_platform = closed.tree.joints, self.held.on_platform
         falling = at_rest(constant(closed.tree.gravity))
-        efforts = tree_efforts(joints, closed.at, motions(joints, closed.at, self.v, self.a, falling))
+        efforts = tree_efforts(joints, closed.at, motions(joints, closed.at, self.v, self.a, falling), self.a)
         efforts = efforts - closed.columns.transpose @ self.lambda_c
         rows = condition_columns(closed, on_platform).T
         total = self.work.T @ efforts + self.bias.T @ condition_bias(closed, on_platform, self.v)
@@ -150,7 +150,7 @@ def _inverse(held: HeldMotion, driven: DrivenTree | None) -> tuple[dict[str, ca.
         inputs, v, a, infeasible = driven_motion(driven)
         judges = {"infeasible": infeasible}
     falling = at_rest(constant(tree.gravity))
-    demanded = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
+    demanded = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling), a)
     own: list[ca.SX] = []
 
     def let_go(idle: ca.SX, scale: FloatArray) -> ca.SX:

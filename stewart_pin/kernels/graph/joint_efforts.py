@@ -16,7 +16,7 @@ Wrench = tuple[ca.SX, ca.SX]
 """Force and moment about the body's origin, (3, k) each, in the body's axes."""
 
 
-def tree_efforts(joints: Sequence[TreeJoint], at: Placements, moving: Motions) -> ca.SX:
+def tree_efforts(joints: Sequence[TreeJoint], at: Placements, moving: Motions, a: ca.SX) -> ca.SX:
     """Compute the joint efforts that make the tree move as it does.
 
     Parameters
@@ -27,13 +27,19 @@ def tree_efforts(joints: Sequence[TreeJoint], at: Placements, moving: Motions) -
         Placements of the bodies.
     moving
         Motions of the bodies, gravity among their accelerations.
+    a
+        (nv, 1) accelerations of the joints, for their rotors.
 
     Returns
     -------
     casadi.SX
         (nv, 1) efforts of all joints.
     """
-    return efforts_of_wrenches(joints, at, inertial_wrenches(joints, moving), 1)
+    efforts = efforts_of_wrenches(joints, at, inertial_wrenches(joints, moving), 1)
+    for joint in joints:
+        if joint.rotor.any():
+            efforts[joint.v] += constant(joint.rotor) * a[joint.v]
+    return efforts
 
 
 def inertial_wrenches(joints: Sequence[TreeJoint], moving: Motions) -> dict[int, Wrench]:

@@ -40,12 +40,15 @@ class Placements:
         (3, 3) rotation of each body in the root.
     in_world
         (3, 1) origin of each body in the root [m].
+    closed
+        Whether the loops are known to be closed here: of the whole tree, in motor or platform coordinates.
     """
 
     to_parent: tuple[ca.SX, ...]
     origin: tuple[ca.SX, ...]
     to_world: tuple[ca.SX, ...]
     in_world: tuple[ca.SX, ...]
+    closed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +115,9 @@ def at_rest(gravity: ca.SX) -> RootMotion:
     return RootMotion(zero, zero, zero, -gravity)
 
 
-def placements(joints: Sequence[TreeJoint], moved: Sequence[JointPlacement]) -> Placements:
+def placements(
+    joints: Sequence[TreeJoint], moved: Sequence[JointPlacement], *, closed: bool = False
+) -> Placements:
     """Place every body.
 
     Parameters
@@ -121,6 +126,8 @@ def placements(joints: Sequence[TreeJoint], moved: Sequence[JointPlacement]) -> 
         Joints of a tree; its root stands for the world.
     moved
         How each joint has moved, from `joint_placement` or a closed form.
+    closed
+        Whether the loops are known to be closed.
 
     Returns
     -------
@@ -134,7 +141,7 @@ def placements(joints: Sequence[TreeJoint], moved: Sequence[JointPlacement]) -> 
         origin.append(constant(joint.translation) + rotation_constant(joint.rotation) @ shift)
         to_world.append(to_world[joint.parent] @ to_parent[-1])
         in_world.append(in_world[joint.parent] + to_world[joint.parent] @ origin[-1])
-    return Placements(tuple(to_parent), tuple(origin), tuple(to_world), tuple(in_world))
+    return Placements(tuple(to_parent), tuple(origin), tuple(to_world), tuple(in_world), closed)
 
 
 def motions(

@@ -3,8 +3,10 @@
 A row that holds a direction is a unit force along it at the origin of loop frame 2, on body 2 and reversed on body 1;
 an angle row is a couple. Carried down the tree they are the rows of the loop Jacobian.
 
-The three rows of a loop that holds a point may be turned together, as long as the loop is closed: here they stand
-along the axes of the body at the end of a leg, where most of their entries vanish.
+The three rows of a loop that holds a point may be turned together: here they stand along the axes of the body at the
+end of a leg, where most of their entries vanish. All work at the origin of frame 2, so that what they span, and the
+acceleration that they leave, is that of the chain's own rows while the loop is open, too. Where loops are known to be
+closed that origin is at a constant place in either body.
 """
 
 from __future__ import annotations
@@ -12,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import casadi as ca
-import numpy as np
 from numpy.polynomial.polynomial import polyder
 
 from stewart_pin.kernels.graph.joint_efforts import Wrench, efforts_of_wrenches, moments_of
@@ -47,7 +48,7 @@ def loop_columns(tree: Tree, at: Placements, q: ca.SX) -> LoopColumns:
     tree
         Constants.
     at
-        Placements of the bodies, with closed loops.
+        Placements of the bodies.
     q
         (nq, 1) configuration.
 
@@ -66,7 +67,7 @@ def loop_columns(tree: Tree, at: Placements, q: ca.SX) -> LoopColumns:
             wrench1[:3, :3], wrench2[:3, :3] = force1, force2
             turn[index[:3], index[:3]] = axes
         wrenches = {
-            loop.body1: _about_origin(wrench1, constant(loop.translation1) + _reach(loop, between)),
+            loop.body1: _about_origin(wrench1, between.arm),
             loop.body2: _about_origin(wrench2, constant(loop.translation2)),
         }
         columns[:, index] = efforts_of_wrenches(tree.joints, at, wrenches, len(index))
@@ -102,45 +103,40 @@ def follower(row: CouplingRow, q: ca.SX, order: int) -> ca.SX:
 
 @dataclass(frozen=True, eq=False)
 class _Between:
-    """1M2 of a loop: (3, 3) rotation, and (3, 1) translation, exactly zero where the loop holds a point."""
+    """Loop frame 2 as body 1 sees it.
 
+    `turn` (3, 3) are the axes of body 2 in those of body 1, `rotation` (3, 3) and `translation` (3, 1) are 1M2, `arm`
+    (3, 1) is the origin of frame 2 in body 1.
+    """
+
+    turn: ca.SX
     rotation: ca.SX
     translation: ca.SX
+    arm: ca.SX
 
 
 def _between(loop: LoopEnds, at: Placements) -> _Between:
-    frame1 = at.to_world[loop.body1] @ rotation_constant(loop.rotation1)
-    frame2 = at.to_world[loop.body2] @ rotation_constant(loop.rotation2)
-    if loop.holds_point:
-        return _Between(frame1.T @ frame2, ca.SX.zeros(3))
-    reach = _origin2(loop, at) - _origin1(loop, at)
-    return _Between(frame1.T @ frame2, frame1.T @ reach)
-
-
-def _origin1(loop: LoopEnds, at: Placements) -> ca.SX:
-    return at.in_world[loop.body1] + at.to_world[loop.body1] @ constant(loop.translation1)
-
-
-def _origin2(loop: LoopEnds, at: Placements) -> ca.SX:
-    return at.in_world[loop.body2] + at.to_world[loop.body2] @ constant(loop.translation2)
-
-
-def _reach(loop: LoopEnds, between: _Between) -> ca.SX:
-    """Origin of frame 2 from that of frame 1, in axes of body 1."""
-    return rotation_constant(loop.rotation1) @ between.translation
+    to_body1, from1 = at.to_world[loop.body1].T, rotation_constant(loop.rotation1).T
+    turn = to_body1 @ at.to_world[loop.body2]
+    rotation = from1 @ turn @ rotation_constant(loop.rotation2)
+    if loop.holds_point and at.closed:
+        return _Between(turn, rotation, ca.SX.zeros(3), constant(loop.translation1))
+    origin2 = at.in_world[loop.body2] + at.to_world[loop.body2] @ constant(loop.translation2)
+    arm = to_body1 @ (origin2 - at.in_world[loop.body1])
+    return _Between(turn, rotation, from1 @ (arm - constant(loop.translation1)), arm)
 
 
 def _point_forces(tree: Tree, loop: LoopEnds, between: _Between) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Three unit forces at a point, on bodies 1 and 2 in their axes, and their directions in frame 1.
+    """Three unit forces at a point, on bodies 1 and 2 in their axes, and their directions in frame 1."""
+    from1 = rotation_constant(loop.rotation1).T
+    if _along_body2(tree, loop):
+        return -between.turn, ca.SX.eye(3), from1 @ between.turn
+    return -ca.SX.eye(3), between.turn.T, from1
 
-    They stand along the axes of the body at the end of a leg, not of the platform or the ground.
-    """
-    from1, from2 = rotation_constant(loop.rotation1).T, rotation_constant(loop.rotation2).T
-    body2 = between.rotation @ from2
-    free1 = loop.body1 in (0, tree.platform) or tree.joints[loop.body1 - 1].kind is JointKind.FLOATING
-    if free1:
-        return -(from1.T @ body2), ca.SX.eye(3), body2
-    return -ca.SX.eye(3), body2.T @ from1, from1
+
+def _along_body2(tree: Tree, loop: LoopEnds) -> bool:
+    """Whether the rows of a point stand along body 2: that at the end of a leg, not the platform or the ground."""
+    return loop.body1 in (0, tree.platform) or tree.joints[loop.body1 - 1].kind is JointKind.FLOATING
 
 
 def _row_wrenches(loop: LoopEnds, between: _Between) -> tuple[ca.SX, ca.SX]:
@@ -172,9 +168,7 @@ def _about_origin(wrenches: ca.SX, arm: ca.SX) -> Wrench:
     return forces, wrenches[3:, :] + moments_of(arm, forces)
 
 
-def loop_bias(
-    tree: Tree, at: Placements, drifting: Motions, columns: LoopColumns, q: ca.SX, v: ca.SX
-) -> ca.SX:
+def loop_bias(tree: Tree, at: Placements, drifting: Motions, q: ca.SX, v: ca.SX) -> ca.SX:
     """Evaluate the rows' accelerations.
 
     Parameters
@@ -182,11 +176,9 @@ def loop_bias(
     tree
         Constants.
     at
-        Placements of the bodies, with closed loops.
+        Placements of the bodies.
     drifting
         Motions of the bodies without gravity; with zero joint accelerations the result is the bias.
-    columns
-        The rows, as they are turned.
     q, v
         (nq, 1) configuration and (nv, 1) velocity.
 
@@ -197,32 +189,34 @@ def loop_bias(
     """
     values = ca.SX(tree.nc, 1)
     for loop in tree.loops:
-        values[list(loop.index)] = _row_accelerations(loop, _between(loop, at), at, drifting)
+        values[list(loop.index)] = _row_accelerations(tree, loop, _between(loop, at), drifting)
     for row in tree.couplings:
         if row.v2 >= 0:
             values[row.index] = -follower(row, q, 2) * v[row.v2] ** 2
-    return columns.turn.T @ values
+    return values
 
 
-def _row_accelerations(loop: LoopEnds, between: _Between, at: Placements, moving: Motions) -> ca.SX:
-    velocity1, omega1, acceleration1, alpha1 = _end_motion(loop.body1, loop.translation1, at, moving)
-    velocity2, omega2, acceleration2, alpha2 = _end_motion(loop.body2, loop.translation2, at, moving)
-    frame1 = (at.to_world[loop.body1] @ rotation_constant(loop.rotation1)).T
-    reach = frame1.T @ between.translation
-    drift, spin = velocity2 - velocity1, omega2 - omega1
-    slide = drift - ca.cross(omega1, reach)
-    # Time derivatives of the two relative velocities, with the turning of frame 1 taken out.
-    slide_rate = (
-        acceleration2
-        - acceleration1
-        - ca.cross(alpha1, reach)
-        - ca.cross(omega1, drift)
-        - ca.cross(omega1, slide)
-    )
-    spin_rate = alpha2 - alpha1 - ca.cross(omega1, spin)
-    slide, slide_rate, spin, spin_rate = (frame1 @ x for x in (slide, slide_rate, spin, spin_rate))
+def _row_accelerations(tree: Tree, loop: LoopEnds, between: _Between, moving: Motions) -> ca.SX:
+    """Second derivatives of the rows' gap, of those that hold a point as they are turned."""
+    one, two, back = loop.body1, loop.body2, rotation_constant(loop.rotation1).T
+    arm, offset = between.arm, constant(loop.translation2)
+    omega = moving.omega[one]
+    acceleration = moving.acceleration[two] + moving.turning[two] @ offset
+    velocity = moving.velocity[two] + ca.cross(moving.omega[two], offset)
+    # Relative to the point of body 1 that is where the origin of frame 2 is, and in axes that turn with body 1.
+    slide = between.turn @ velocity - moving.velocity[one] - ca.cross(omega, arm)
+    carried = moving.acceleration[one] + moving.turning[one] @ arm + 2 * ca.cross(omega, slide)
+    spin = between.turn @ moving.omega[two] - omega
+    spin_rate = between.turn @ moving.omega_rate[two] - moving.omega_rate[one] - ca.cross(omega, spin)
+    slide_rate = back @ (between.turn @ acceleration - carried)
+    slide, spin, spin_rate = back @ slide, back @ spin, back @ spin_rate
     values = []
-    for row in loop.rows:
+    if loop.holds_point:
+        along2 = _along_body2(tree, loop)
+        values.append(
+            acceleration - between.turn.T @ carried if along2 else between.turn @ acceleration - carried
+        )
+    for row in loop.rows[3:] if loop.holds_point else loop.rows:
         match row:
             case NormalRow():
                 values.append(ca.dot(constant(row.normal), slide_rate))
@@ -236,19 +230,3 @@ def _row_accelerations(loop: LoopEnds, between: _Between, at: Placements, moving
                 across = slide - along * ca.dot(along, slide)
                 values.append(ca.dot(along, slide_rate) + ca.dot(across, across) / distance)
     return ca.vertcat(*values)
-
-
-def _end_motion(
-    body: int, offset: np.ndarray, at: Placements, moving: Motions
-) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Velocity, angular velocity, acceleration and angular acceleration of a loop frame, in world axes."""
-    arm = constant(offset)
-    velocity = moving.velocity[body] + ca.cross(moving.omega[body], arm)
-    acceleration = moving.acceleration[body] + moving.turning[body] @ arm
-    to_world = at.to_world[body]
-    return (
-        to_world @ velocity,
-        to_world @ moving.omega[body],
-        to_world @ acceleration,
-        to_world @ moving.omega_rate[body],
-    )

@@ -1,12 +1,14 @@
 """Inverse dynamics as a matrix times the inertial parameters of the bodies, for identification.
 
 Of each body the parameters are Pinocchio's: mass, mass times centre of mass, and inertia about the joint frame's origin
-as xx, xy, yy, xz, yz, zz. Motor efforts are linear in them, unless idle freedoms obey their own inertia.
+as xx, xy, yy, xz, yz, zz; then the inertia of each rotor. Motor efforts are linear in them, unless idle freedoms obey
+their own inertia.
 """
 
 from __future__ import annotations
 
 import casadi as ca
+import numpy as np
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.driven_tree import DrivenTree, driven_motion
@@ -34,7 +36,7 @@ def tree_regressor(closed: ClosedTree) -> ca.Function:
     Returns
     -------
     casadi.Function
-        ``(q, v, a) -> regressor``, (nu, 10 bodies).
+        ``(q, v, a) -> regressor``, (nu, 10 bodies and the rotors).
 
     Raises
     ------
@@ -75,7 +77,9 @@ def driven_regressor(driven: DrivenTree) -> ca.Function:
 def _regressor(closed: ClosedTree, v: ca.SX, a: ca.SX) -> ca.SX:
     chain, tree = closed.chain, closed.tree
     require_sufficient_motors(chain)
-    parameters = ca.SX.sym("parameters", PER_BODY * len(tree.joints))
+    bodies = PER_BODY * len(tree.joints)
+    rotors = [joint.v.start + k for joint in tree.joints for k in np.flatnonzero(joint.rotor).tolist()]
+    parameters = ca.SX.sym("parameters", bodies + len(rotors))
     moving = motions(tree.joints, closed.at, v, a, at_rest(constant(tree.gravity)))
     wrenches = {}
     for k in range(1, len(tree.joints) + 1):
@@ -85,6 +89,8 @@ def _regressor(closed: ClosedTree, v: ca.SX, a: ca.SX) -> ca.SX:
         own = parameters[PER_BODY * (k - 1) : PER_BODY * k]
         wrenches[k] = force @ own, moment @ own
     needed = efforts_of_wrenches(tree.joints, closed.at, wrenches, 1)
+    for place, entry in enumerate(rotors, start=bodies):
+        needed[entry] += parameters[place] * a[entry]
 
     def refuse(idle: ca.SX, scale: FloatArray) -> ca.SX:
         raise not_linear(chain, idle.shape[1])

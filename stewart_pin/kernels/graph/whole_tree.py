@@ -103,7 +103,9 @@ class ClosedTree:
         return self.chain.tangent_scale[list(self.reduced.pivots.rows)]
 
 
-def close_tree(chain: ClosedChain, around: Configuration | None = None) -> ClosedTree:
+def close_tree(
+    chain: ClosedChain, around: Configuration | None = None, *, closed: bool = False
+) -> ClosedTree:
     """Eliminate the loop rows of a chain.
 
     Parameters
@@ -112,6 +114,9 @@ def close_tree(chain: ClosedChain, around: Configuration | None = None) -> Close
         Closed chain.
     around
         (nq,) regular configuration around which the pivots serve; None is home [m, rad, unit quaternions].
+    closed
+        Whether the loops will be closed to round-off, as where the configuration is solved for: it takes fewer
+        operations.
 
     Returns
     -------
@@ -125,7 +130,7 @@ def close_tree(chain: ClosedChain, around: Configuration | None = None) -> Close
     """
     tree = tree_of(chain)
     q = ca.SX.sym("q", tree.nq)
-    at = placements(tree.joints, [joint_placement(joint, q[joint.q]) for joint in tree.joints])
+    at = placements(tree.joints, [joint_placement(joint, q[joint.q]) for joint in tree.joints], closed=closed)
     columns = loop_columns(tree, at, q)
     around_home = pivot_samples(chain)
     samples = around_home if around is None else pivot_samples(chain, around)
@@ -160,7 +165,7 @@ def tree_inverse_dynamics(closed: ClosedTree, v: ca.SX, a: ca.SX) -> tuple[ca.SX
     tree, chain = closed.tree, closed.chain
     require_sufficient_motors(chain)
     falling = at_rest(constant(tree.gravity))
-    demanded = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
+    demanded = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling), a)
     tau_motor, needed = motor_efforts(
         closed, demanded, lambda idle, scale: let_idle_go(closed, demanded, idle, scale)
     )
@@ -227,7 +232,7 @@ def tree_forward_dynamics(closed: ClosedTree, v: ca.SX, tau_motor: ca.SX) -> tup
     tree, chain = closed.tree, closed.chain
     a = closed.reduced.transposed(-tree_bias(closed, v))
     falling = at_rest(constant(tree.gravity))
-    needed = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling))
+    needed = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling), a)
     left = needed - motor_columns(tree) @ tau_motor
     moved = inertia_times(closed, closed.motions)
     inertia = closed.motions.T @ moved
@@ -257,7 +262,7 @@ def tree_bias(closed: ClosedTree, v: ca.SX) -> ca.SX:
     """
     joints, still = closed.tree.joints, ca.SX.zeros(closed.tree.nv)
     drifting = motions(joints, closed.at, v, still, at_rest(ca.SX.zeros(3)))
-    return loop_bias(closed.tree, closed.at, drifting, closed.columns, closed.q, v)
+    return loop_bias(closed.tree, closed.at, drifting, closed.q, v)
 
 
 def inertia_times(closed: ClosedTree, directions: ca.SX) -> ca.SX:
@@ -277,8 +282,8 @@ def inertia_times(closed: ClosedTree, directions: ca.SX) -> ca.SX:
     """
     joints, still, floating = closed.tree.joints, ca.SX.zeros(closed.tree.nv), at_rest(ca.SX.zeros(3))
     columns = [
-        tree_efforts(joints, closed.at, motions(joints, closed.at, still, directions[:, k], floating))
-        for k in range(directions.shape[1])
+        tree_efforts(joints, closed.at, motions(joints, closed.at, still, one, floating), one)
+        for one in ca.horzsplit(directions)
     ]
     return ca.horzcat(*columns) if columns else ca.SX(closed.tree.nv, 0)
 

@@ -157,9 +157,13 @@ def plan_platform(chain: ClosedChain) -> PlatformPlan:
     Raises
     ------
     UnsupportedError
-        If the platform is not a body that only balls and passive joints tie to the rest.
+        If the platform is not a body that only balls and passive joints tie to the rest, or a joint has a rotor: legs
+        are solved without one.
     """
     tree = tree_of(chain)
+    rotors = [joint.name for joint in tree.joints if joint.rotor.any()]
+    if rotors:
+        raise _unsupported(chain, f"joint '{rotors[0]}' has a rotor (armature of the model)")
     if not tree.platform:
         raise _unsupported(chain, "the platform is the ground")
     if tree.couplings:

@@ -48,6 +48,8 @@ class TreeJoint:
         Its entries of configuration and tangent.
     masses
         Of the body, about the joint frame.
+    rotor
+        Inertia of each tangent entry's own, which Pinocchio calls armature [kg or kg m²].
     """
 
     name: str
@@ -59,6 +61,7 @@ class TreeJoint:
     q: slice
     v: slice
     masses: Masses
+    rotor: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,6 +246,7 @@ def _joint(chain: ClosedChain, number: int) -> TreeJoint:
         q=slice(joint.idx_q, joint.idx_q + joint.nq),
         v=slice(joint.idx_v, joint.idx_v + joint.nv),
         masses=masses_of(model.inertias[number]),
+        rotor=np.array(model.armature[joint.idx_v : joint.idx_v + joint.nv]),
     )
 
 

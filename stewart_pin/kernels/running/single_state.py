@@ -14,15 +14,15 @@ from stewart_pin.kernels.llvm.target import Target, host_target
 from stewart_pin.kernels.programs.program import Program
 from stewart_pin.kernels.programs.repeating import Repeat, interpreted
 from stewart_pin.kernels.programs.status import StateBound, StateStatus, judge, written_outputs
-from stewart_pin.kernels.running.arrays import as_states
-from stewart_pin.typing import ArrayLike
+from stewart_pin.kernels.running.arrays import as_states, require_out
+from stewart_pin.typing import ArrayLike, FloatArray
 
 
 class SingleState:
     """A program that is called with one state; made by `ArrayKernel.single_state`.
 
-    Either call it with arrays, which are copied to ``inputs``, or fill ``inputs`` and call ``run()``. Results are in
-    ``outputs`` until the next call overwrites them. One thread at a time: each thread makes its own.
+    Either call it with arrays, which are copied to ``inputs``, and get fresh ones, or fill ``inputs``, call ``run()``
+    and read ``outputs``, which the next call overwrites. One thread at a time: each thread makes its own.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class SingleState:
         buffers: Any = self.inputs
         self._places: tuple[Any, ...] = tuple(memoryview(x) for x in buffers)
         self._status = np.zeros(1, dtype=np.int8)
-        self._given = self.outputs[0] if len(self.outputs) == 1 else self.outputs
+        self._one = self.outputs[0] if len(self.outputs) == 1 else None
         self.run: Callable[[], None] = self._interpret
         if engine == "llvm":
             target = target or host_target()
@@ -74,22 +74,29 @@ class SingleState:
         return SingleState, self._made_from
 
     @property
+    def program(self) -> Program:
+        """The program."""
+        return self._made_from[0]
+
+    @property
     def status(self) -> StateStatus:
         """What became of the last state."""
         return StateStatus(int(self._status[0]))
 
-    def __call__(self, *inputs: ArrayLike) -> Any:
+    def __call__(self, *inputs: ArrayLike, out: FloatArray | Sequence[FloatArray] | None = None) -> Any:
         """Evaluate the program.
 
         Parameters
         ----------
         *inputs
             For each input an array of its shape [any unit].
+        out
+            Array for the result, or one for each output, to write to [any unit]; None makes fresh ones.
 
         Returns
         -------
         numpy.ndarray or tuple of numpy.ndarray
-            The arrays of ``outputs`` [any unit], nan unless ``status`` is OK; the next call overwrites them.
+            An array for each output [any unit], nan unless ``status`` is OK.
 
         Raises
         ------
@@ -105,7 +112,18 @@ class SingleState:
         except (TypeError, ValueError, NotImplementedError):
             self._take(inputs)
         self.run()
-        return self._given
+        if out is not None:
+            return self._written(out)
+        return self._one.copy() if self._one is not None else tuple(x.copy() for x in self.outputs)
+
+    def _written(self, out: FloatArray | Sequence[FloatArray]) -> Any:
+        given = (out,) if isinstance(out, np.ndarray) else tuple(out)
+        if len(given) != len(self.outputs):
+            raise InputError(f"out must hold {len(self.outputs)} arrays, got {len(given)}")
+        for place, result in zip(given, self.outputs, strict=True):
+            require_out("out", place, result.shape, result.dtype)
+            place[...] = result
+        return given[0] if len(given) == 1 else given
 
     def _take(self, inputs: tuple[ArrayLike, ...]) -> None:
         program = self._made_from[0]

@@ -26,7 +26,8 @@ from stewart_pin.kernels.verbs.configurations import (
     with_unit_quaternions,
 )
 from stewart_pin.kernels.verbs.judges import POOR, judged
-from stewart_pin.kernels.verbs.newton import NewtonSteps, Plans, Solved, straight
+from stewart_pin.kernels.verbs.newton import NewtonSteps, OneSearch, Plans, Solved, straight
+from stewart_pin.kernels.verbs.searching import SearchingState
 from stewart_pin.state.generic import regularity
 from stewart_pin.state.newton import close_loops
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
@@ -67,6 +68,8 @@ _TWICE = 1e3
 """Share of the digits that are lost twice, see `lost_twice`."""
 _SEARCHES = {"pose": "forward_kinematics", "q": "closing"}
 """Equations that lead to what kernels take."""
+_OF_POSES = ("inverse_kinematics", "forward_kinematics", "motor_jacobian")
+"""Verbs of platform coordinates alone."""
 
 
 class Caller:
@@ -124,34 +127,107 @@ class Caller:
             self._written[name] = self._functions.function(name)
         return self._written[name]
 
-    def single_state(self, verb: str) -> SingleState:
+    def single_state(self, verb: str) -> SingleState | SearchingState:
         """Compile a verb for one state at a time, called with a tenth of the overhead.
 
         Parameters
         ----------
         verb
-            Name of a verb, as ``"inverse_dynamics"``.
+            Name of a verb, as ``"inverse_dynamics"``; those that differentiate by the geometry do so by each parameter.
 
         Returns
         -------
-        SingleState
-            Function of one state; its results are those of the verb, bit for bit.
+        SingleState or SearchingState
+            Function of one state; its results are those of the verb, bit for bit, in fresh arrays unless it is called
+            with ``out=``. The second looks for the pose or the configuration first, as the verb does.
 
         Raises
         ------
         InputError
             If there is no such verb.
         UnsupportedError
-            If the verb first looks for the configuration by Newton steps.
+            If the verb is not for these coordinates.
         """
+        if verb in _OF_POSES:
+            self._require_platform(verb)
+            if verb == "forward_kinematics" or (verb == "inverse_kinematics" and not self.by_legs):
+                return SearchingState(self, verb)
+        if verb in ("inverse_dynamics_geometry", "forward_dynamics_geometry"):
+            return SearchingState(self, verb)
         self.casadi(verb)
         kernel = self._kernel(verb)
-        if not self._takes_state(kernel):
-            raise UnsupportedError(
-                f"{verb} of {self.chain.name} in {self.coordinates} coordinates looks for the configuration first; "
-                "compile kernels with coordinates='tree' for single states"
-            )
-        return kernel.single_state()
+        if kernel.program.inputs[0].name not in _SEARCHES or (
+            self._takes_state(kernel) and not self._wary(verb)
+        ):
+            return kernel.single_state()
+        return SearchingState(self, verb)
+
+    def single_program(self, name: str) -> SingleState:
+        """Compile a function for one state at a time, as it is.
+
+        Parameters
+        ----------
+        name
+            One of `names`.
+
+        Returns
+        -------
+        SingleState
+            Of what the function takes: pose or configuration where these must be found first; of states on which other
+            pivots may serve better it makes nothing.
+        """
+        return self._kernel(name, wary=self._wary(name)).single_state()
+
+    def search(self, state: str, equations: str | None = None) -> OneSearch:
+        """Prepare the search for what a function takes.
+
+        Parameters
+        ----------
+        state
+            ``"pose"`` or ``"q"``.
+        equations
+            What is solved, from starts that calls name; default: what leads from the kernels' coordinates to that
+            state, from home.
+
+        Returns
+        -------
+        OneSearch
+            For one state at a time.
+        """
+        if equations is not None:
+            return OneSearch(self._steps(equations), None)
+        starts = self._starting(state).states
+        return OneSearch(self._steps(_SEARCHES[state]), starts[0] if len(starts) == 1 else None)
+
+    def takes(self, state: str) -> bool:
+        """Tell whether what a function takes is what its verb is given.
+
+        Parameters
+        ----------
+        state
+            ``"pose"`` or ``"q"``.
+
+        Returns
+        -------
+        bool
+            False where it must be found first.
+        """
+        return state == _GIVEN.get(self.coordinates)
+
+    @property
+    def blocked(self) -> np.ndarray:
+        """(parameters,) of bool, dimensionless: displacements of the geometry along which there is no derivative."""
+        return ~self._functions.displacements.alone
+
+    @property
+    def by_legs(self) -> bool:
+        """Whether the chain comes apart into a platform and legs with closed forms."""
+        return self._functions.placed is not None
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the arrays and of every operation."""
+        return self._dtype
 
     def _call(self, name: str, inputs: tuple[ArrayLike, ...], places: Places) -> Any:
         kernel = self._kernel(name, graded=places.conditioning is not None, wary=self._wary(name))
@@ -307,22 +383,23 @@ class Caller:
 
     def _configurations(self, targets: FloatArray, threads: int, state: str = "q") -> Solved:
         """Find configurations, or poses where the kernel that takes them is satisfied with these."""
-        steps = self._steps(_SEARCHES[state])
-        if state not in self._starts:
-            self._starts[state] = self._starting(steps, state)
         between = poses_between if self.coordinates == "platform" else straight
         plans = self._plans(_SEARCHES[state])
-        return configurations(plans, self._starts[state], targets, between, threads=threads)
+        return configurations(plans, self._starting(state), targets, between, threads=threads)
 
-    def _starting(self, steps: NewtonSteps, state: str) -> Starts:
-        home, target, beside = self._functions.around_home(state)
-        if serves(steps, home, target):
-            return Starts(home[None], target[None])
-        if state == "pose":
-            return Starts(beside, self._kernel("inverse_kinematics")(beside))
-        if self.coordinates == "motor":
-            return Starts(beside, beside[:, self.chain.motor_q_index])
-        return Starts(beside, as_poses(*self._kernel("platform_pose")(beside)))
+    def _starting(self, state: str) -> Starts:
+        """Tell where searches start."""
+        if state not in self._starts:
+            home, target, beside = self._functions.around_home(state)
+            if serves(self._steps(_SEARCHES[state]), home, target):
+                self._starts[state] = Starts(home[None], target[None])
+            elif state == "pose":
+                self._starts[state] = Starts(beside, self._kernel("inverse_kinematics")(beside))
+            elif self.coordinates == "motor":
+                self._starts[state] = Starts(beside, beside[:, self.chain.motor_q_index])
+            else:
+                self._starts[state] = Starts(beside, as_poses(*self._kernel("platform_pose")(beside)))
+        return self._starts[state]
 
     def _states(self, position: ArrayLike) -> tuple[FloatArray, bool]:
         if self.coordinates == "platform":

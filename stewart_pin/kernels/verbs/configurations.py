@@ -179,6 +179,23 @@ def with_unit_quaternions(poses: FloatArray) -> FloatArray:
     return np.where(unit[:, None], poses, np.nan)
 
 
+def normalised(poses: FloatArray) -> FloatArray:
+    """Give quaternions unit length; none has no direction, and becomes nan.
+
+    Parameters
+    ----------
+    poses
+        (N, 7) position and quaternion [m, dimensionless].
+
+    Returns
+    -------
+    numpy.ndarray
+        (N, 7) position and unit quaternion [m, unit quaternion].
+    """
+    length = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
+    return np.hstack([poses[:, :3], poses[:, 3:] / np.where(length > 0, length, np.nan)])
+
+
 def as_poses(position: FloatArray, rotation: FloatArray) -> FloatArray:
     """Join positions and rotations.
 

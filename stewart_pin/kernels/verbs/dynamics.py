@@ -124,8 +124,8 @@ class DynamicsVerbs(Caller):
         Returns
         -------
         numpy.ndarray
-            (N, nu, 10 bodies), such that motor efforts are ``regressor @ inertial_parameters`` [N or N m per kg, kg m,
-            kg m²].
+            (N, nu, 10 bodies and the rotors), such that motor efforts are ``regressor @ inertial_parameters`` [N or N m
+            per kg, kg m, kg m²].
 
         Raises
         ------
@@ -138,8 +138,12 @@ class DynamicsVerbs(Caller):
 
     @property
     def inertial_parameters(self) -> FloatArray:
-        """(10 bodies,) of the chain's bodies in Pinocchio's order: mass, first moments, inertia [kg, kg m, kg m²].
+        """(10 bodies and the rotors,) of the chain's bodies in Pinocchio's order [kg, kg m, kg m²].
 
-        Of each body mass, mass times centre of mass, and inertia about its joint frame as xx, xy, yy, xz, yz, zz.
+        Of each body mass, mass times centre of mass, and inertia about its joint frame as xx, xy, yy, xz, yz, zz; then
+        the inertia of each rotor, those entries of the model's armature that are not zero.
         """
-        return np.concatenate([y.toDynamicParameters() for y in self.chain.model.inertias[1:]])
+        armature = np.array(self.chain.model.armature)
+        return np.concatenate(
+            [*(y.toDynamicParameters() for y in self.chain.model.inertias[1:]), armature[armature != 0]]
+        )

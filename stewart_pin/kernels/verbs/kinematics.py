@@ -9,7 +9,7 @@ import numpy as np
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.running.arrays import require_out
 from stewart_pin.kernels.verbs.calling import Caller, Places, lost_twice
-from stewart_pin.kernels.verbs.configurations import as_poses, as_rows
+from stewart_pin.kernels.verbs.configurations import as_poses, as_rows, normalised
 from stewart_pin.kernels.verbs.newton import solve_on_branch, straight
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -84,13 +84,13 @@ class KinematicsVerbs(Caller):
         if len(guess) not in (1, len(target)):
             raise InputError(f"there are {len(guess)} guesses for {len(target)} motor positions")
         if self._functions.placed is not None:
-            guess = _normalised(guess)
+            guess = normalised(guess)
             plans, begins = self._plans("forward_kinematics"), partial(self._motors_near, guess, target)
             solved = solve_on_branch(plans, guess, begins, target, straight, threads=threads)
             found = self._given(solved, (solved.states,), status, single=single)
             self._grade(solved.states, conditioning, threads)
             return _copied(found, out)
-        begun = self._configurations(_normalised(np.broadcast_to(guess, (len(target), 7))), threads)
+        begun = self._configurations(normalised(np.broadcast_to(guess, (len(target), 7))), threads)
         states, motors = begun.states, self.chain.motor_q_index
         solved = solve_on_branch(
             self._plans("motor_closing"),
@@ -171,12 +171,6 @@ class KinematicsVerbs(Caller):
         if conditioning is not None:
             require_out("conditioning", conditioning, (len(states),), self._dtype)
             self._kernel("conditioning")(states, out=conditioning[:, None], threads=threads)
-
-
-def _normalised(poses: FloatArray) -> FloatArray:
-    """Give quaternions unit length; none has no direction, and becomes nan."""
-    length = np.linalg.norm(poses[:, 3:], axis=1, keepdims=True)
-    return np.hstack([poses[:, :3], poses[:, 3:] / np.where(length > 0, length, np.nan)])
 
 
 def _copied(found: FloatArray, out: FloatArray | None) -> FloatArray:

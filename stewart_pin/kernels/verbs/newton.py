@@ -194,44 +194,43 @@ def solve_on_branch(
     return Solved(states, closed, kept)
 
 
-def damped_newton(
-    steps: NewtonSteps,
-    start: FloatArray,
-    target: FloatArray,
-    *,
-    max_iterations: int = 60,
-    threads: int = 1,
-) -> Solved:
-    """Close every row of an array, on whichever branch.
+class OneSearch:
+    """Newton's method for one state at a time, with the results of `solve_on_branch`, bit for bit.
 
     Parameters
     ----------
     steps
         What to take.
-    start
-        (1 or N, n) states to start from [any unit].
-    target
-        (N, m) targets [any unit].
-    max_iterations
-        Bound on damped trials of a row.
-    threads
-        Number of threads.
-
-    Returns
-    -------
-    Solved
-        States, and which of them are closed.
+    begin
+        (size,) state to start from where a call names none; None where there is no such state [any unit].
     """
-    tolerance = _tolerance(steps)
-    states, gaps = _double_steps(steps.double, start, target, threads)
-    closed, kept = gaps <= tolerance, np.abs(states[:, -1]) <= _CONTRACTION
-    states = states[:, :-1]
-    if not closed.all():
-        left = np.flatnonzero(~closed)
-        states[left], closed[left] = _damped(
-            steps.damped(), _rows(start, left), target[left], tolerance, threads, max_iterations
-        )
-    return Solved(states, closed, kept & closed)
+
+    def __init__(self, steps: NewtonSteps, begin: FloatArray | None) -> None:
+        kernel = steps.double
+        self._begin = begin
+        self._tolerance = _tolerance_of(kernel)
+        self._plain = kernel.repeated(_repeat(kernel)).single_state()
+
+    def __call__(self, target: FloatArray, start: FloatArray | None = None) -> FloatArray | None:
+        """Close one state.
+
+        Parameters
+        ----------
+        target
+            (m,) target [any unit].
+        start
+            (n,) state to start from; None takes the usual one [any unit].
+
+        Returns
+        -------
+        numpy.ndarray or None
+            (n,) state on the branch of its start; None where that takes more than a few steps [any unit].
+        """
+        begin = self._begin if start is None else start
+        if begin is None:
+            return None
+        state, gap = self._plain(np.append(begin, 0.0), target)
+        return state[:-1] if gap[0] <= self._tolerance and abs(state[-1]) <= _CONTRACTION else None
 
 
 def _tolerance(steps: NewtonSteps) -> float:
@@ -250,15 +249,18 @@ def _double_steps(
     kernel: ArrayKernel, start: FloatArray, target: FloatArray, threads: int
 ) -> tuple[FloatArray, FloatArray]:
     """Take double steps until a row has closed, or has had enough of them: (N, n + 1) states and (N,) gaps."""
-    (state, *_), (following, gap, *_) = kernel.program.inputs, kernel.program.outputs
-    # The step after a closed gap leaves nothing but round-off.
-    repeat = Repeat(state.name, following.name, gap.name, _tolerance_of(kernel), _DOUBLE_STEPS)
-    begin = np.zeros((len(start), state.size), dtype=kernel.dtype)
+    begin = np.zeros((len(start), kernel.program.inputs[0].size), dtype=kernel.dtype)
     begin[:, :-1] = start
     if len(begin) == 1 and len(target) != 1:
         begin = begin[0]
-    states, gaps = kernel.repeated(repeat)(begin, target, threads=threads)
+    states, gaps = kernel.repeated(_repeat(kernel))(begin, target, threads=threads)
     return states, gaps[:, 0]
+
+
+def _repeat(kernel: ArrayKernel) -> Repeat:
+    (state, *_), (following, gap, *_) = kernel.program.inputs, kernel.program.outputs
+    # The step after a closed gap leaves nothing but round-off.
+    return Repeat(state.name, following.name, gap.name, _tolerance_of(kernel), _DOUBLE_STEPS)
 
 
 def _follow(

@@ -92,7 +92,7 @@ def closed_chain_articulated_body(
         bias[loop.body2][:, columns] -= loop.wrench2
         bias[loop.body1][:, columns] += loop.wrench1
         start = columns.stop
-    response = respond(bodies, motion.to_parent, tau, bias, product, base)
+    response = respond(bodies, np.array(chain.model.armature), motion.to_parent, tau, bias, product, base)
     if not chain.nc:
         return Motion(a=np.ascontiguousarray(response.joint[:, 0]), lambda_c=np.zeros(0))
     relative = np.vstack(

@@ -104,6 +104,7 @@ def first_pass(bodies: Sequence[Body], q: Configuration, v: Tangent, base_veloci
 
 def respond(
     bodies: Sequence[Body],
+    rotors: FloatArray,
     to_parent: FloatArray,
     tau: FloatArray,
     bias: FloatArray,
@@ -116,6 +117,8 @@ def respond(
     ----------
     bodies
         Bodies, parents first.
+    rotors
+        (nv,) inertia that each joint rate has of its own, Pinocchio's armature [kg m², kg].
     to_parent
         (n, 6, 6) transforms ⁱX_λ(i) of motion vectors [1 and m].
     tau
@@ -148,7 +151,8 @@ def respond(
         body, x = bodies[i], to_parent[i]
         s = body.subspace
         u_matrix = articulated[i] @ s  # U = Iᴬ S                            (7.43)
-        d_inverse = _inverse(body, s.T @ u_matrix, articulated[i])  # D = Sᵀ U (7.44)
+        # D = Sᵀ U (7.44); a rotor feels the rate of its joint alone.
+        d_inverse = _inverse(body, s.T @ u_matrix + np.diag(rotors[body.v_index]), articulated[i])
         left = tau[body.v_index] - s.T @ bias[i]  # u = τ - Sᵀ pᴬ               (7.45)
         handed_on = articulated[i] - u_matrix @ d_inverse @ u_matrix.T  # Iᵃ = Iᴬ - U D⁻¹ Uᵀ
         # pᵃ = pᴬ + Iᵃ c + U D⁻¹ u

@@ -68,6 +68,7 @@ def articulated_body_acceleration(
     motion = first_pass(bodies, q, v, base_velocity)
     response = respond(
         bodies,
+        np.array(chain.model.armature),
         motion.to_parent,
         tau[:, None],
         motion.bias[:, :, None],

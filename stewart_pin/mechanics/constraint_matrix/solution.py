@@ -97,7 +97,9 @@ def constraint_matrix_inverse_dynamics(state: State, a: Tangent, *, throw: bool 
 
 
 def _middle(state: State) -> FloatArray:
-    return state.loops.origin2.mean(axis=0) if len(state.chain.loops) else np.zeros(3)
+    if len(state.chain.loops):
+        return state.loops.origin2.mean(axis=0)
+    return np.zeros(3) if state.chain.platform is None else state.pose.translation
 
 
 @lru_cache(maxsize=16)

@@ -2,6 +2,9 @@ r"""The block system of the maximal coordinates.
 
     -I a + C η = f_p,    Cᵀ a = c_a,    f_p = -f_e - I g + v ×* I v per body.
 
+A rotor of inertia r on the freedom of a joint resists its own acceleration ẍ = wᵀ a - b alone, with w the pair of
+wrenches that a motor there would put on the two bodies: it adds w r wᵀ to I and -w r b to f_p.
+
 a are the spatial accelerations of the bodies, η the amplitudes of the joint wrenches; the last entries of η are the
 motor efforts.
 """
@@ -39,8 +42,8 @@ class ConstraintMatrixSystem:
     Attributes
     ----------
     I
-        (6 n_bodies, 6 n_bodies) sparse block-diagonal spatial inertia, world frame at the world origin
-        [kg, kg m, kg m²].
+        (6 n_bodies, 6 n_bodies) sparse spatial inertia, world frame at the world origin [kg, kg m, kg m²]:
+        block-diagonal but for rotors, which tie the two bodies of their joint.
     C
         (6 n_bodies, n_columns) sparse matrix of joint wrenches [force, moment per unit].
     f_p
@@ -151,7 +154,9 @@ def assemble(
     AssembledSystem
         Equations and kinematics.
     """
-    layout = topology(chain.mechanism, chain.motors, chain.platform)
+    rotors = _rotors(chain)
+    driven = tuple(dict.fromkeys([*chain.motors, *(name for name, _, _ in rotors)]))
+    layout = topology(chain.mechanism, driven, chain.platform)
     links, joints = tree_motion(chain, q, v, np.zeros(3) if about is None else about)
     number = {link.name: k for k, link in enumerate(layout.bodies)}
     gravity = np.concatenate([chain.gravity, np.zeros(3)])
@@ -189,10 +194,21 @@ def assemble(
         blocks.add(
             f"motor {motor}", "motor", number[compound.predecessor], number[compound.successor], columns
         )
+    inertia, force = scipy.sparse.block_diag(inertias, format="csc"), np.concatenate(forces)
+    turning = _Blocks()
+    for name, entry, _ in rotors:
+        at = layout.compound(name)
+        compound = layout.tree[at]
+        columns = effort_column(freedoms[at], entry, 0.0)
+        turning.add(name, "rotor", number[compound.predecessor], number[compound.successor], columns)
+    if rotors:
+        pairs, own = turning.matrix(force.size), np.array([amount for _, _, amount in rotors])
+        inertia = inertia + pairs @ scipy.sparse.diags_array(own) @ pairs.T
+        force = force - pairs @ (own * np.concatenate(turning.demands))
     system = ConstraintMatrixSystem(
-        I=scipy.sparse.csc_array(scipy.sparse.block_diag(inertias, format="csc")),
+        I=scipy.sparse.csc_array(inertia),
         C=blocks.matrix(6 * len(layout.bodies)),
-        f_p=np.concatenate(forces),
+        f_p=force,
         c_a=np.concatenate(blocks.demands),
         bodies=tuple(body.name for body in layout.bodies),
         joints=tuple(blocks.names),
@@ -200,6 +216,17 @@ def assemble(
         columns=tuple(blocks.slices),
     )
     return AssembledSystem(system, layout, links, joints, freedoms)
+
+
+def _rotors(chain: ClosedChain) -> list[tuple[str, int, float]]:
+    """List joint, tangent entry and inertia of each rotor, which Pinocchio's models call armature."""
+    model = chain.model
+    return [
+        (name, entry, float(model.armature[entry]))
+        for name, joint in zip(model.names[1:], model.joints[1:], strict=True)
+        for entry in range(joint.idx_v, joint.idx_v + joint.nv)
+        if model.armature[entry]
+    ]
 
 
 class _Blocks:

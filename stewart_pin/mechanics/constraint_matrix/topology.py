@@ -109,7 +109,7 @@ def topology(mechanism: Mechanism, motors: tuple[str, ...], platform: str) -> To
     mechanism
         Valid description.
     motors
-        Names of the motor joints.
+        Names of the motor joints, and of those with a rotor.
     platform
         Name of the platform link.
 

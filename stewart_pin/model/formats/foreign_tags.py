@@ -68,6 +68,8 @@ def reason_to_ignore(reader: ElementReader, element: etree._Element, owner: str)
         if prefix in _UNEXPANDED:
             raise reader.error(f"<{shown}> (line {inner.sourceline}): {_UNEXPANDED[prefix]}", f"<{shown}>")
         if _may_close_a_loop(inner, local.lower(), is_outermost=inner is element):
+            if shown == "plugin":
+                shown = f"plugin {inner.get('name') or inner.get('filename')}"
             path = "".join(f"<{tag}>" for tag in dict.fromkeys((shown_tag(element), shown)))
             raise reader.error(
                 f"{path} (line {inner.sourceline}) of {owner} could close a loop or couple joints, and is not "
@@ -82,6 +84,9 @@ def _may_close_a_loop(element: etree._Element, name: str, *, is_outermost: bool)
         return name == "link" or (
             name not in _HARMLESS and any(word in name for word in (*_LOOP_WORDS, "joint"))
         )
+    if name == "plugin":
+        words = (element.get("filename", "") + element.get("name", "")).lower()
+        return "detachable" in words
     if next(element.iterancestors("plugin"), None) is not None:
         return "mimic" in name
     if any(word in name for word in _LOOP_WORDS):

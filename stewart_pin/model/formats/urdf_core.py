@@ -68,11 +68,18 @@ def _inertia(reader: UrdfElements, inertial: etree._Element, owner: str) -> pin.
     reader.only(inertial, owner, (), ("origin", "mass", "inertia"))
     mass_element, entries = reader.child(inertial, "mass", owner), reader.child(inertial, "inertia", owner)
     reader.only(mass_element, owner, ("value",))
-    reader.only(entries, owner, INERTIA_ENTRIES)
+    reader.only(entries, owner, (*INERTIA_ENTRIES, *(_swapped(key) for key in ("ixy", "ixz", "iyz"))))
     mass = float(reader.numbers(mass_element, "value", 1, owner)[0])
     matrix = np.empty((3, 3))
     for key, (i, j) in INERTIA_ENTRIES.items():
         matrix[i, j] = matrix[j, i] = reader.numbers(entries, key, 1, owner)[0]
+        mirrored = _swapped(key)
+        if mirrored in entries.attrib and reader.numbers(entries, mirrored, 1, owner)[0] != matrix[i, j]:
+            raise reader.error(
+                f"{owner}: {key} and {mirrored} of <inertia> (line {entries.sourceline}) differ; "
+                f"an inertia is symmetric, remove {mirrored}",
+                owner,
+            )
     placement = reader.origin(inertial, owner)
     turned = placement.rotation @ matrix @ placement.rotation.T
     if mass == 0 and not turned.any():
@@ -81,6 +88,11 @@ def _inertia(reader: UrdfElements, inertial: etree._Element, owner: str) -> pin.
     inertia = pin.Inertia(mass, placement.translation, np.zeros((3, 3)))
     inertia.inertia = (turned + turned.T) / 2
     return inertia
+
+
+def _swapped(key: str) -> str:
+    """Name the entry on the other side of the diagonal: iyx for ixy."""
+    return f"i{key[2]}{key[1]}"
 
 
 def read_joint(reader: UrdfElements, element: etree._Element) -> Parts:

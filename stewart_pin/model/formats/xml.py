@@ -17,6 +17,7 @@ UNLIMITED = 1e30
 """Largest number that a file may hold; as a limit it stands for none (URDF cannot write infinity)."""
 
 _CODECS = ("utf-8", "ascii", "iso8859-1", "cp1252")
+_COMMENT = re.compile(r"<!\[CDATA\[.*?\]\]>|<!--.*?-->", re.DOTALL)
 _DECLARED = re.compile(rb"\s*<\?xml\s[^>]*?encoding\s*=\s*[\"']([^\"']*)[\"']")
 
 
@@ -43,7 +44,7 @@ def read_xml(path: Path) -> etree._Element:
     FileFormatError
         If the file is not well-formed XML, or holds a document type declaration (the place for entities).
     """
-    text = _read_text(path)
+    text = _COMMENT.sub(_blank, _read_text(path))
     if not text.strip():
         raise FileFormatError("the file is empty", path=str(path))
     # Refused before parsing: entities would be expanded inside attributes whatever the parser's options.
@@ -73,6 +74,11 @@ def read_xml(path: Path) -> etree._Element:
         for element in root.iter(etree.Element):
             element.tag = str(element.tag).removeprefix(own)
     return root
+
+
+def _blank(found: re.Match[str]) -> str:
+    """Blank out a comment, lines kept: many hold a double hyphen, which XML forbids and robot software reads."""
+    return found[0] if found[0].startswith("<![") else " " + "\n" * found[0].count("\n")
 
 
 def _read_text(path: Path) -> str:

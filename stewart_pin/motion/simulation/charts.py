@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from scipy import integrate
+from scipy.linalg import lapack
 
-from stewart_pin.errors import ClosureError, InputError
+from stewart_pin.errors import ClosureError, InputError, SingularityError
 from stewart_pin.motion.simulation.lie import displacement_jacobian
 from stewart_pin.motion.simulation.plant import Plant
-from stewart_pin.motion.simulation.steppers import Phase, Rates
+from stewart_pin.motion.simulation.steppers import Passed, Phase, Rates
 from stewart_pin.state.state import State
 from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import FloatArray
@@ -24,6 +25,20 @@ METHODS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
 _REACH = 0.25
 """Largest coordinate of a chart, in robot sizes and radians, before the base moves."""
 _MAX_STEPS = 30
+_SMALLEST = 1e-8
+"""Smallest step, in intervals: an error that has not fallen by then is one of the equations, not of the step."""
+_MOST = 1_000
+"""Steps in a row that are shorter than a thousandth of the interval: a method that creeps is stopped too."""
+_CREEP = 1e-3
+
+
+def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    _, _, solution, info = lapack.dgesv(matrix, right)
+    if info:
+        raise SingularityError(
+            "the loops are singular here: their equations depend on each other", smallest_singular_value=0.0
+        )
+    return solution
 
 
 class _Chart:
@@ -65,10 +80,10 @@ class _Chart:
             if np.abs(left).max(initial=0.0) <= max(CLOSED, state.round_off):
                 along = np.vstack([jacobian, self._motions])
                 rest = np.zeros(jacobian.shape[0])
-                v = np.linalg.solve(along, np.concatenate([rest, u])) * self._scale
+                v = _solve(along, np.concatenate([rest, u])) * self._scale
                 self._guess = q
                 return Phase(q, v, coordinates[2 * n :], float(np.abs(gap).max(initial=0.0)))
-            q = pin.integrate(plant.model, q, -np.linalg.solve(matrix, left) * self._scale)
+            q = pin.integrate(plant.model, q, -_solve(matrix, left) * self._scale)
         raise ClosureError(
             f"the loops do not close in the chart: {np.abs(left).max():.3g} left",
             residual=float(np.abs(left).max()),
@@ -90,15 +105,28 @@ class ChartStepper:
         One of `METHODS`.
     rtol, atol
         Error per step, relative and absolute, lengths in robot sizes.
+    passed
+        Told of every step.
+
+    Attributes
+    ----------
+    doubt
+        Zero: the method keeps the error of work and heat within its tolerances [J].
+    first_step
+        Step with which to go on [s].
     """
 
-    def __init__(self, plant: Plant, rates: Rates, method: str, rtol: float, atol: float) -> None:
+    def __init__(
+        self, plant: Plant, rates: Rates, method: str, rtol: float, atol: float, passed: Passed
+    ) -> None:
         if method not in METHODS:
             raise InputError(f"method must be 'fixed' or one of {', '.join(METHODS)}, got {method!r}")
         self._plant, self._rates = plant, rates
         self._method = getattr(integrate, method)
         self._tolerances = {"rtol": rtol, "atol": atol}
-        self._first_step: float | None = None
+        self._passed = passed
+        self.doubt = 0.0
+        self.first_step: float | None = None
 
     def restart(self) -> None:
         """Forget the past: nothing is kept but the size of the steps, which errors check."""
@@ -126,20 +154,37 @@ class ChartStepper:
             If the loops cannot be closed, or the integrator's step vanishes.
         """
         end = t + h
+        creeping, longest, last = 0, 0.0, np.inf
         # The right-hand side may jump at the end of an interval, so the past is kept only within it.
         while t < end:
             chart, solver = self._start(t, phase, end)
-            longest, message = 0.0, None
             while solver.status == "running" and np.abs(solver.y[: chart.size]).max(initial=0.0) < _REACH:
                 message = solver.step()
-                longest = max(longest, solver.step_size or 0.0)
-            if solver.status == "failed":
-                raise ClosureError(
-                    f"{self._method.__name__} stops: {message}", residual=np.inf, iterations=0, q=phase.q
-                )
-            t, phase = solver.t, chart.read(solver.y)
-            self._first_step = longest or None
+                step = solver.step_size or 0.0
+                creeping = creeping + 1 if step < _CREEP * h and solver.status == "running" else 0
+                shrunk = creeping > 1 and step < _SMALLEST * h and step <= last
+                last = step
+                if solver.status == "failed" or creeping > _MOST or shrunk:
+                    raise self._stopped(solver.t, step, message, phase)
+                longest = max(longest, step)
+                before, phase = phase, chart.read(solver.y)
+                self._passed(solver.t, solver.t - t, before, phase)
+                t = solver.t
+            # The longest of the interval: what is left of it at its end may be round-off.
+            self.first_step = longest or None
         return phase
+
+    def _stopped(self, t: float, step: float, message: str | None, phase: Phase) -> Exception:
+        near = State(self._plant.chain, phase.q).motions.smallest
+        usual = self._plant.chain.generic.usual_loops
+        why = message or f"its steps have shrunk to {step:.3g} s without meeting the tolerances"
+        where = f"; the loops are near a singularity there (smallest singular value {near:.3g})"
+        return ClosureError(
+            f"{self._method.__name__} stops at {t:.9g} s: {why}{where if near < _CREEP * usual else ''}",
+            residual=phase.gap,
+            iterations=0,
+            q=phase.q,
+        )
 
     def _start(self, t: float, phase: Phase, end: float) -> tuple[_Chart, Any]:
         plant = self._plant
@@ -150,5 +195,5 @@ class ChartStepper:
             here = chart.read(coordinates)
             return chart.rate(here, *self._rates(time, here.q, here.v, here.x))
 
-        first = None if self._first_step is None else min(self._first_step, end - t)
+        first = None if self.first_step is None else min(self.first_step, end - t)
         return chart, self._method(rate, t, chart.write(phase), end, first_step=first, **self._tolerances)

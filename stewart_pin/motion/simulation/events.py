@@ -11,7 +11,7 @@ from stewart_pin.motion.simulation.motors import MotorBank
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
-KINDS = ("stroke", "rate", "effort", "singularity", "closure_lost", "diverged", "controller")
+KINDS = ("stroke", "rate", "effort", "singularity", "closure_lost", "diverged", "controller", "energy")
 """Names of events."""
 _MOST = 1000
 """Events kept of one run: more would not fit a reader, and memory must not grow with the run."""
@@ -27,12 +27,12 @@ class Event:
         End of the step in which it began [s].
     kind
         One of ``stroke``, ``rate``, ``effort``: a motor reached its limit; ``singularity``: the motors' hold on the
-        platform fell below the threshold; ``closure_lost``, ``diverged``, ``controller`` (it gave no efforts): the run
-        ended there.
+        platform, or the distance of the loops to a singularity of theirs, fell below the threshold; ``closure_lost``,
+        ``diverged``, ``controller`` (it gave no efforts), ``energy`` (the step is too large): the run ended there.
     joint
-        The motor, the joint that moves most in the motion that is lost, or the loop.
+        The motor, the joint that moves most in the motion that is lost or gained, the loop, or ``energy``.
     value
-        What was reached [m, rad, m/s, rad/s, N, N m, or a singular value].
+        What was reached [m, rad, m/s, rad/s, N, N m, J, or a singular value].
     limit
         What was allowed, in the same unit.
     """
@@ -67,6 +67,15 @@ class Watcher:
         self._near_singular = False
         self.events: list[Event] = []
         self.dropped = 0
+
+    @property
+    def memory(self) -> tuple[np.ndarray, bool]:
+        """Which events last, (3, nu) of motors and that of a singularity, for a run that goes on; dimensionless."""
+        return self._beyond, self._near_singular
+
+    @memory.setter
+    def memory(self, memory: tuple[np.ndarray, bool]) -> None:
+        self._beyond, self._near_singular = memory
 
     def note(self, event: Event) -> Event:
         """Keep an event, if there is room.

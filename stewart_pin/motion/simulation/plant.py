@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +24,24 @@ from stewart_pin.typing import Configuration, FloatArray, Tangent
 _factorise, _solve = get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)
 _MAX_STEPS = 20
 """Newton steps of one projection: with a sensible time step one or two are enough."""
+
+
+class PlantMemory(NamedTuple):
+    """Ways of computing that a plant has chosen.
+
+    Attributes
+    ----------
+    rows
+        (rank,) index of the loop rows that stand for all.
+    kernel, projector, constrained, weightless
+        Which ways are in use.
+    """
+
+    rows: np.ndarray
+    kernel: bool
+    projector: bool
+    constrained: bool
+    weightless: bool
 
 
 class Plant:
@@ -59,10 +77,34 @@ class Plant:
         self.model = self.chain.model
         self._data = pin.Data(self.model)
         self._scale, self._sizes = chain.tangent_scale, chain.row_sizes
+        self._rotors = np.array(self.model.armature)
         self._tau = np.zeros(chain.nv)
         self.rows = np.arange(chain.nc)
         self._candidates = kernels
-        self._prepare(q, v)
+        self._prepare(q, v, own_rotors=self.chain is not chain)
+
+    @property
+    def memory(self) -> PlantMemory:
+        """Ways of computing chosen so far."""
+        ways = (way is not None for way in (self._kernel, self._projector, self._constrained))
+        return PlantMemory(self.rows, *ways, self._weightless)
+
+    def recall(self, memory: PlantMemory) -> None:
+        """Go on with ways chosen earlier.
+
+        Parameters
+        ----------
+        memory
+            Of the plant of an earlier run.
+        """
+        candidates = self._candidates
+        self.rows, self._weightless = memory.rows, memory.weightless
+        self._kernel = candidates.acceleration if memory.kernel and candidates is not None else None
+        self._projector = candidates.projection if memory.projector and candidates is not None else None
+        if memory.constrained and self._constrained is None:
+            self._make_constrained()
+        elif not memory.constrained:
+            self._constrained = None
 
     def _fits(self, q: Configuration, v: Tangent, expected: Tangent) -> bool:
         a = self.acceleration(q, v, np.zeros(self.chain.nu))
@@ -81,7 +123,7 @@ class Plant:
         if projector.status is StateStatus.OK and off < 1e-8 * usual:
             self._projector = projector
 
-    def _prepare(self, q: Configuration, v: Tangent) -> None:
+    def _prepare(self, q: Configuration, v: Tangent, *, own_rotors: bool) -> None:
         state = State(self.chain, q, v)
         self.select_rows(state)
         # The careful verb knows every reason why there is no acceleration, and says which.
@@ -93,7 +135,7 @@ class Plant:
         self._kernel: SingleState | None = None
         self._projector: SingleState | None = None
         if self._candidates is not None:
-            if not self.model.armature.any():
+            if not own_rotors:  # compiled code knows the rotors of the model, not those of the simulation
                 self._kernel = self._candidates.acceleration
                 if not self._fits(q, v, expected):
                     self._kernel = None
@@ -109,21 +151,24 @@ class Plant:
         if self.rows.size < self.chain.nc:
             return False
         try:
-            models = constraint_models(self.chain)
+            self._make_constrained()
         except UnsupportedError:
             return False
-        datas = pin.StdVec_RigidConstraintData()
-        for model in models:
-            datas.append(model.createData())
-        pin.initConstraintDynamics(self.model, self._data, models, datas)
-        self._settings = pin.ProximalSettings(1e-14, 0.0, 1)
-        self._constrained = (models, datas)
         kernel, self._kernel = self._kernel, None
         fits = self._fits(q, v, expected)
         self._kernel = kernel
         if not fits:
             self._constrained = None
         return fits
+
+    def _make_constrained(self) -> None:
+        models = constraint_models(self.chain)
+        datas = pin.StdVec_RigidConstraintData()
+        for model in models:
+            datas.append(model.createData())
+        pin.initConstraintDynamics(self.model, self._data, models, datas)
+        self._settings = pin.ProximalSettings(1e-14, 0.0, 1)
+        self._constrained = (models, datas)
 
     def watch(self, q: Configuration, v: Tangent) -> None:
         """Choose loop rows anew, and leave kernels for good where their fixed pivots have lost too many digits.
@@ -177,7 +222,7 @@ class Plant:
         if self._kernel is not None:
             a, _ = self._kernel(q, v, tau_motor)
             if self._kernel.status is StateStatus.OK:
-                return np.array(a)
+                return a
             # A pivot has grown small, or the state is singular: the careful way knows.
         tau = self._tau
         tau[self.chain.motor_index] = tau_motor
@@ -233,7 +278,7 @@ class Plant:
         if self._projector is not None:
             closed_q, closed_v, gap = self._projector(q, v)
             if self._projector.status is StateStatus.OK:
-                return np.array(closed_q), np.array(closed_v), float(gap[0])
+                return closed_q, closed_v, float(gap[0])
             # Farther from closed, singular, or the step was too long: the careful way knows.
         state = State(self.chain, q)
         if not self.rows.size:
@@ -275,7 +320,7 @@ class Plant:
         back, sizes = self._scale[:, None] * scaled.T, self._sizes[self.rows]
         return lambda residual: back @ _solve(factor, residual / sizes, lower=1)[0]
 
-    def energy(self, q: Configuration, v: Tangent) -> float:
+    def energy(self, q: Configuration, v: Tangent) -> tuple[float, float]:
         """Compute kinetic and potential energy, motor inertia included.
 
         Parameters
@@ -287,13 +332,19 @@ class Plant:
 
         Returns
         -------
-        float
+        kinetic, potential : float
             [J].
         """
         model, unit = self.chain.mass_model, self.chain.mass_unit
-        kinetic = pin.computeKineticEnergy(model, self._data, q, v)
+        kinetic = pin.computeKineticEnergy(model, self._data, q, v)  # of the bodies; rotors come beside
         potential = pin.computePotentialEnergy(model, self._data, q)
-        return float(unit * (kinetic + potential))  # rotors included
+        return float(unit * kinetic + self._rotors @ (v * v) / 2), float(unit * potential)
+
+    @property
+    def weight_by_size(self) -> float:
+        """Weight of the robot times its size [J]."""
+        mass = self.chain.mass_unit * pin.computeTotalMass(self.chain.mass_model)
+        return float(mass * np.linalg.norm(self.model.gravity.linear) * self.chain.length_scale)
 
 
 def _with_motor_inertia(chain: ClosedChain, inertia: FloatArray) -> ClosedChain:

@@ -9,9 +9,44 @@ import pinocchio as pin
 
 from stewart_pin.errors import ConvergenceError
 from stewart_pin.motion.simulation.events import Event
+from stewart_pin.motion.simulation.plant import PlantMemory
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What the parts of a run remember, so that another one goes on to the same bits.
+
+    Attributes
+    ----------
+    q, v
+        Configuration (nq,) and velocity (nv,) that a run left [m, rad, m/s, rad/s].
+    plant
+        Ways of computing chosen so far, and the loop rows.
+    gap
+        Largest entry of the loop gap [m].
+    first_step
+        Step of an adaptive method [s].
+    account
+        Of the energy account [J].
+    doubt
+        Error of the quadrature of work [J].
+    watcher, loops
+        Which events last, (3, nu) of motors and that of a singularity; of the loops with the distance seen
+        (dimensionless).
+    """
+
+    q: Configuration
+    v: Tangent
+    plant: PlantMemory
+    gap: float
+    first_step: float | None
+    account: tuple[float, float, float, float] | None
+    doubt: float
+    watcher: tuple[np.ndarray, bool]
+    loops: tuple[bool, float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +73,8 @@ class SimulationState:
         Step at which a sampled controller acted last, or -1.
     supplied, dissipated
         Work of the motors, and heat, since the first start [J].
+    memory
+        What the parts of the run remember; None: a state made by hand.
     """
 
     origin: float
@@ -50,6 +87,7 @@ class SimulationState:
     sampled: int = -1
     supplied: float = 0.0
     dissipated: float = 0.0
+    memory: Memory | None = None
 
     @property
     def time(self) -> float:
@@ -66,7 +104,7 @@ class Simulation:
     time
         (N,) recorded instants [s].
     q
-        (N, nq) configurations [m, rad, unit quaternions].
+        (N, nq) configurations, angles with their whole turns [m, rad, unit quaternions].
     v
         (N, nv) tangent velocities [m/s, rad/s].
     tau_motor
@@ -130,6 +168,25 @@ class Simulation:
         if self.success:
             return self
         raise ConvergenceError(f"the simulation ended early: {self.reason}", residual=self.largest_gap)
+
+
+class SimulationInterrupted(KeyboardInterrupt):
+    """Ctrl-C during a simulation: a `KeyboardInterrupt` that holds the part that ran.
+
+    Parameters
+    ----------
+    message
+        When it was interrupted.
+    simulation
+        What was recorded until then; its ``final_state`` can be passed to `resume`.
+    """
+
+    def __init__(self, message: str, simulation: Simulation) -> None:
+        super().__init__(message, simulation)
+        self.simulation = simulation
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 class Recorder:

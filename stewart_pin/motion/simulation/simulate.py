@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stewart_pin.checks import as_array, as_positive
-from stewart_pin.errors import ClosureError, ConvergenceError, InputError
+from stewart_pin.errors import ClosureError, ConvergenceError, InputError, SingularityError
 from stewart_pin.kernels.choosing import simulation_kernels
-from stewart_pin.motion.simulation.charts import ChartStepper
+from stewart_pin.motion.simulation.account import SHARE, EnergyAccount
+from stewart_pin.motion.simulation.charts import METHODS, ChartStepper
 from stewart_pin.motion.simulation.drive import (
     Controller,
     ControllerFailure,
@@ -21,16 +22,25 @@ from stewart_pin.motion.simulation.drive import (
 )
 from stewart_pin.motion.simulation.events import KINDS, Event, Watcher
 from stewart_pin.motion.simulation.motors import MotorBank, Motors
+from stewart_pin.motion.simulation.nearness import LoopNearness
 from stewart_pin.motion.simulation.plant import Plant
-from stewart_pin.motion.simulation.record import Recorder, Simulation, SimulationState
+from stewart_pin.motion.simulation.record import (
+    Memory,
+    Recorder,
+    Simulation,
+    SimulationInterrupted,
+    SimulationState,
+)
 from stewart_pin.motion.simulation.steppers import Phase, RungeKuttaStepper
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.state.state import State
+from stewart_pin.tolerances import EPS
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 _FEW_RECORDS = 10_000
 """Instants recorded when no rate is asked for."""
 _MOST_RECORDS = 2_000_000
+_MOST_STEPS = 1e12
 _WATCH_RATE = 50.0
 """How often singularities are looked for, and loop rows chosen anew [1/s]."""
 
@@ -74,7 +84,9 @@ def simulate(
     """Simulate a closed chain; its loops stay closed to round-off for a run of any length.
 
     Nothing that happens within the run is raised: it is named in the result, which holds all that was recorded.
-    ``KeyboardInterrupt`` ends a run in the same way.
+    A step that is too large for the motion is found by the energy account, at each recorded instant: what was gained
+    or lost may be 1 % of what the motion exchanged or held, and then the run ends. Ctrl-C reaches the caller, as a
+    `SimulationInterrupted` with the part that ran.
 
     Parameters
     ----------
@@ -104,7 +116,8 @@ def simulate(
         recorded.
     singular
         Threshold of singularity events: smallest singular value of the motors' share of the platform's motions,
-        lengths in robot sizes. Looked for 50 times per second.
+        lengths in robot sizes, looked for 50 times per second; and of the loops, as a share of its usual size, looked
+        for as often as the motion asks for.
     stop_on
         Kinds of events that end the run, of ``"stroke"``, ``"rate"``, ``"effort"``, ``"singularity"``.
     rtol, atol
@@ -126,6 +139,8 @@ def simulate(
         If an argument makes no sense, the state does not keep the loops closed, or the controller returns no efforts.
     SingularityError
         If nothing with inertia takes part in a motion, so that no acceleration is determined.
+    SimulationInterrupted
+        If the user interrupts the run; a `KeyboardInterrupt` whose `simulation` is the part that ran.
 
     Examples
     --------
@@ -136,12 +151,11 @@ def simulate(
     (True, True, True)
     """
     q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
-    dt = as_positive("dt", dt)
+    dt = as_positive("dt", _number("dt", dt))
     drive = Drive(chain, controller, dt)
-    state = SimulationState(float(start_time), 0, dt, q, v, np.zeros(drive.state_size), np.zeros(chain.nu))
-    options = _Options(
-        duration, dt, method, record_rate, float(singular), _kinds(stop_on), rtol, atol, kernels, progress
-    )
+    start_time = _number("start_time", start_time)
+    state = SimulationState(start_time, 0, dt, q, v, np.zeros(drive.state_size), np.zeros(chain.nu))
+    options = _options(duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress)
     return _run(chain, state, drive, motors or Motors(), options)
 
 
@@ -177,19 +191,26 @@ def resume(
     dt
         Step [s]; default: the earlier one.
     method, motors, record_rate, singular, stop_on, rtol, atol, kernels, progress
-        As in `simulate`.
+        As in `simulate`; `kernels` None: as in the earlier run.
 
     Returns
     -------
     Simulation
-        The further motion; its first record is the state passed.
+        The further motion; its first record is the state passed. With the same arguments it has the bits of a run that
+        was not cut.
 
     Raises
     ------
     InputError
         If an argument makes no sense, or the state is that of another controller.
+    SimulationInterrupted
+        As in `simulate`.
     """
-    dt = state.dt if dt is None else as_positive("dt", dt)
+    if not isinstance(state, SimulationState):
+        raise InputError(f"state must be the final_state of a simulation, got {type(state).__name__}")
+    as_configuration(chain, "state.q", state.q), as_array("state.v", state.v, (chain.nv,))
+    as_array("state.held", state.held, (chain.nu,))
+    dt = state.dt if dt is None else as_positive("dt", _number("dt", dt))
     drive = Drive(chain, controller, dt)
     if state.controller.shape != (drive.state_size,):
         raise InputError(
@@ -199,9 +220,9 @@ def resume(
     if dt != state.dt:
         acted = 0 if state.sampled == state.steps else -1
         state = replace(state, origin=state.time, steps=0, dt=dt, sampled=acted)
-    options = _Options(
-        duration, dt, method, record_rate, float(singular), _kinds(stop_on), rtol, atol, kernels, progress
-    )
+    if kernels is None and state.memory is not None:
+        kernels = state.memory.plant.kernel or state.memory.plant.projector
+    options = _options(duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress)
     return _run(chain, state, drive, motors or Motors(), options)
 
 
@@ -219,6 +240,9 @@ def _run(
     drive.hold(state.held)
     watcher = Watcher(chain, bank, options.singular)
     recorder = Recorder(chain, count // stride + 2)
+    loops = LoopNearness(plant.chain, options.singular)
+    memory, pending = state.memory, list[Event]()
+    account = EnergyAccount(plant.weight_by_size, None if memory is None else memory.account)
     motor_q, motor_v = chain.motor_q_index, chain.motor_index
 
     def rates(t: float, q: Configuration, v: Tangent, x: FloatArray) -> tuple[Tangent, FloatArray]:
@@ -232,16 +256,40 @@ def _run(
         x_rate[2:] = drive.state_rate(t, q, v, controller_state)
         return plant.acceleration(q, v, given + loss), x_rate
 
-    if options.method == "fixed":
-        stepper = RungeKuttaStepper(plant, rates)
-    else:
-        stepper = ChartStepper(plant, rates, options.method, options.rtol, options.atol)
+    def passed(t: float, h: float, before: Phase, after: Phase) -> None:
+        near = loops.passed(h, before.q, before.v, after.q)
+        if near:
+            pending.append(watcher.note(Event(t, "singularity", near[1], near[0], loops.limit)))
 
-    def record(t: float, phase: Phase) -> None:
+    if options.method == "fixed":
+        stepper = RungeKuttaStepper(plant, rates, passed)
+    else:
+        stepper = ChartStepper(plant, rates, options.method, options.rtol, options.atol, passed)
+    if memory is not None:
+        plant.recall(memory.plant)
+        watcher.memory, loops.memory = memory.watcher, memory.loops
+        stepper.first_step, stepper.doubt = memory.first_step, memory.doubt
+
+    def record(t: float, phase: Phase) -> str:
+        """Record an instant, and say what is wrong with its energy."""
         a, _ = rates(t, phase.q, phase.v, phase.x)
         given = bank.delivered(drive.effort(t, phase.q, phase.v, phase.x[2:]), phase.v[motor_v])
-        energy = plant.energy(phase.q, phase.v) + bank.stored(phase.q[motor_q])
-        recorder.add(t, phase.q, phase.v, a, given, (energy, phase.x[0], phase.x[1], phase.gap))
+        kinetic, potential = plant.energy(phase.q, phase.v)
+        potential += bank.stored(phase.q[motor_q])
+        numbers = (kinetic + potential, phase.x[0], phase.x[1], phase.gap)
+        recorder.add(t, phase.q, phase.v, a, given, numbers)
+        error, scale = account.off(kinetic, potential, phase.x[0], phase.x[1], stepper.doubt, k == last)
+        if not error:
+            return ""
+        watcher.note(Event(t, "energy", "energy", error, SHARE * scale))
+        remedy = (
+            f"the step dt = {dt:g} s is too large for this motion; choose a smaller dt, or method='DOP853'"
+            if options.method == "fixed"
+            else f"choose smaller rtol and atol than {options.rtol:g} and {options.atol:g}, or another method"
+        )
+        return (
+            f"energy account off at {t:g} s by {error:.3g} J of {scale:.3g} J that the motion holds: {remedy}"
+        )
 
     def events(k: int, phase: Phase) -> list[Event]:
         t = state.origin + k * dt
@@ -249,13 +297,16 @@ def _run(
         if k % watch == 0:
             plant.watch(phase.q, phase.v)
             found += watcher.singularity(t, phase.q)
+        found += pending
+        pending.clear()
         return found
 
-    q, v, gap = _closed(plant, state.q, state.v)
+    q, v, gap = _closed(plant, state)
     x = np.concatenate([[state.supplied, state.dissipated], state.controller])
     phase, k, largest = Phase(q, v, x, gap), state.steps, gap
     last, recorded, sampled = k + count, -1, state.sampled
     reason, mute = "", False
+    interrupt: KeyboardInterrupt | None = None
     try:
         while True:
             t = state.origin + k * dt
@@ -265,10 +316,10 @@ def _run(
                 phase, sampled = phase._replace(x=x), k
                 stepper.restart()
             if (k - state.steps) % stride == 0 or k == last:
-                record(t, phase)
+                reason = record(t, phase)
                 recorded = k
             stopping = [event for event in events(k, phase) if event.kind in options.stop_on]
-            if stopping:
+            if stopping and not reason:
                 reason = f"stopped at {stopping[0]}"
             if reason or k == last:
                 break
@@ -281,7 +332,17 @@ def _run(
     except ClosureError as error:
         culprit = str(error).split(" row ")[0]
         watcher.note(Event(state.origin + (k + 1) * dt, "closure_lost", culprit, error.residual, 0.0))
-        reason = f"loops lost in the step from {state.origin + k * dt:g} s: {error}; choose a smaller dt"
+        remedy = (
+            "choose a smaller dt"
+            if options.method == "fixed"
+            else "choose another method or larger tolerances"
+        )
+        reason = f"loops lost in the step from {state.origin + k * dt:g} s: {error}; {remedy}"
+    except SingularityError as error:
+        worst = chain.tangent_names[int(np.argmax(np.abs(phase.v / chain.tangent_scale)))]
+        measure = error.smallest_singular_value
+        watcher.note(Event(state.origin + (k + 1) * dt, "singularity", worst, measure, loops.limit))
+        reason = f"singular in the step from {state.origin + k * dt:g} s: {error}"
     except (ConvergenceError, np.linalg.LinAlgError) as error:
         worst = chain.tangent_names[int(np.argmax(np.abs(phase.v / chain.tangent_scale)))]
         watcher.note(Event(state.origin + (k + 1) * dt, "diverged", worst, math.inf, 0.0))
@@ -291,8 +352,8 @@ def _run(
             raise InputError(str(error)) from error
         watcher.note(Event(state.origin + k * dt, "controller", ", ".join(chain.motors), math.nan, math.nan))
         reason, mute = str(error), True
-    except KeyboardInterrupt:
-        reason = f"interrupted at {state.origin + k * dt:g} s"
+    except KeyboardInterrupt as error:
+        reason, interrupt = f"interrupted at {state.origin + k * dt:g} s", error
     if recorded != k and not mute:
         record(state.origin + k * dt, phase)
     final = replace(
@@ -305,8 +366,19 @@ def _run(
         sampled=sampled,
         supplied=float(phase.x[0]),
         dissipated=float(phase.x[1]),
+        memory=Memory(
+            phase.q,
+            phase.v,
+            plant.memory,
+            phase.gap,
+            stepper.first_step,
+            account.memory,
+            stepper.doubt,
+            watcher.memory,
+            loops.memory,
+        ),
     )
-    return recorder.finish(
+    simulation = recorder.finish(
         largest_gap=largest,
         events=watcher.events,
         dropped=watcher.dropped,
@@ -314,16 +386,72 @@ def _run(
         success=not reason,
         reason=reason or "reached the end",
     )
+    if interrupt is not None:
+        raise SimulationInterrupted(reason, simulation) from interrupt
+    return simulation
 
 
-def _closed(plant: Plant, q: Configuration, v: Tangent) -> tuple[Configuration, Tangent, float]:
-    """Remove what a printed or computed state lacks of closed loops."""
-    State(plant.chain, q, v).require_moving()
-    return plant.project(q, v)
+def _closed(plant: Plant, start: SimulationState) -> tuple[Configuration, Tangent, float]:
+    """Remove what a printed or computed state lacks of closed loops; nothing from one that a run left."""
+    state = State(plant.chain, start.q, start.v)
+    state.require_moving()
+    left = start.memory
+    if left is not None and np.array_equal(left.q, start.q) and np.array_equal(left.v, start.v):
+        return start.q, start.v, left.gap
+    return plant.project(start.q, start.v)
+
+
+def _options(
+    duration: float,
+    dt: float,
+    method: str,
+    record_rate: float | None,
+    singular: float,
+    stop_on: Collection[str],
+    rtol: float,
+    atol: float,
+    kernels: bool | None,
+    progress: Progress | None,
+) -> _Options:
+    if method not in ("fixed", *METHODS):
+        raise InputError(f"method must be 'fixed' or one of {', '.join(METHODS)}, got {method!r}")
+    if progress is not None and not callable(progress):
+        raise InputError(f"progress must be a function (stage, done, total) or None, got {progress!r}")
+    rtol, atol = _number("rtol", rtol), _number("atol", atol)
+    for name, value, low, high in (("rtol", rtol, 100 * EPS, 0.1), ("atol", atol, 0.0, 0.1)):
+        if not low < value <= high:
+            raise InputError(
+                f"{name} must be above {low:.2g} and at most {high:g}, got {value:g}; 1e-9 is usual"
+            )
+    singular = _number("singular", singular)
+    if not 0.0 <= singular < 1.0:
+        raise InputError(
+            f"singular must be 0 (no events) or more and below 1, got {singular:g}; 1e-3 is usual"
+        )
+    duration = _number("duration", duration)
+    return _Options(
+        duration, dt, method, record_rate, singular, _kinds(stop_on), rtol, atol, kernels, progress
+    )
+
+
+def _number(name: str, value: float) -> float:
+    """Return a finite number; text and truth values are none."""
+    wrong = isinstance(value, (str, bytes, bool, np.bool_)) or np.ndim(value) or np.iscomplexobj(value)
+    try:
+        number = math.nan if wrong else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(f"{name} must be a finite number, got {value!r}")
+    return number
 
 
 def _steps(duration: float, dt: float) -> int:
     duration = as_positive("duration", duration)
+    if not duration / dt < _MOST_STEPS:
+        raise InputError(
+            f"duration {duration:g} s has more than {_MOST_STEPS:g} steps of dt = {dt:g} s; choose fewer"
+        )
     count = max(1, round(duration / dt))
     if abs(count * dt - duration) > 1e-6 * duration:
         raise InputError(
@@ -335,7 +463,8 @@ def _steps(duration: float, dt: float) -> int:
 def _stride(count: int, dt: float, record_rate: float | None) -> int:
     if record_rate is None:
         return -(-count // _FEW_RECORDS)
-    stride = max(1, round(1 / (as_positive("record_rate", record_rate) * dt)))
+    rate = as_positive("record_rate", _number("record_rate", record_rate))
+    stride = max(1, round(min(1 / (rate * dt), count)))
     if count // stride > _MOST_RECORDS:
         raise InputError(
             f"record_rate {record_rate:g}/s gives {count // stride} records; ask for {_MOST_RECORDS} at most"
@@ -344,7 +473,12 @@ def _stride(count: int, dt: float, record_rate: float | None) -> int:
 
 
 def _kinds(stop_on: Collection[str]) -> frozenset[str]:
-    kinds = frozenset([stop_on] if isinstance(stop_on, str) else stop_on)
+    try:
+        kinds = frozenset([stop_on] if isinstance(stop_on, str) else stop_on)
+    except TypeError:
+        raise InputError(f"stop_on must be some of {', '.join(KINDS)}, got {stop_on!r}") from None
     if kinds - set(KINDS):
-        raise InputError(f"stop_on must be some of {', '.join(KINDS)}, got {sorted(kinds - set(KINDS))}")
+        raise InputError(
+            f"stop_on must be some of {', '.join(KINDS)}, got {sorted(map(str, kinds - set(KINDS)))}"
+        )
     return kinds

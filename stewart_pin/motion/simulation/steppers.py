@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
 import pinocchio as pin
 
 from stewart_pin.motion.simulation.lie import Displacements
@@ -37,6 +38,10 @@ Rates = Callable[[float, Configuration, Tangent, FloatArray], tuple[Tangent, Flo
 """(t, q, v, x) to the acceleration (nv,) and the rate of x (m,)."""
 
 
+Passed = Callable[[float, float, Phase, Phase], None]
+"""Called with the time at the end of a step, its length, and the states at its ends."""
+
+
 class RungeKuttaStepper:
     """Classical Runge-Kutta method of order four in the tangent of each step's start, then projection.
 
@@ -46,11 +51,21 @@ class RungeKuttaStepper:
         Chain.
     rates
         Right-hand side.
+    passed
+        Told of every step.
+
+    Attributes
+    ----------
+    doubt
+        Estimated error of the quadrature of work and heat so far [J].
+    first_step
+        None: steps are given.
     """
 
-    def __init__(self, plant: Plant, rates: Rates) -> None:
-        self._plant = plant
-        self._rates = rates
+    def __init__(self, plant: Plant, rates: Rates, passed: Passed) -> None:
+        self._plant, self._rates, self._passed = plant, rates, passed
+        self.doubt = 0.0
+        self.first_step: float | None = None
         self._displacements = Displacements(plant.model)
 
     def restart(self) -> None:
@@ -95,6 +110,10 @@ class RungeKuttaStepper:
         d4 = rate(step, v4)
         q = pin.integrate(model, q, h / 6 * (v + 2 * (d2 + d3) + d4))
         v = v + h / 6 * (a1 + 2 * (a2 + a3) + a4)
+        # Simpson's rule with four stages, against the trapezium with two of them.
+        self.doubt += h / 3 * float(np.abs(x2 + x3 - x1 - x4)[:2].sum())
         x = x + h / 6 * (x1 + 2 * (x2 + x3) + x4)
         q, v, gap = self._plant.project(q, v)
-        return Phase(q, v, x, gap)
+        moved = Phase(q, v, x, gap)
+        self._passed(t + h, h, phase, moved)
+        return moved

@@ -44,12 +44,23 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
     if len(element) or not (joints or couplings):
         reader.ignore(element, "the file")
     loops = [_read_joint(reader, joint) for joint in joints]
+    in_model = {
+        (joint.get("name"), tag)
+        for joint in joints
+        for tag in ("axis", "axis2")
+        if _in_model_frame(reader, joint, tag)
+    }
 
     def placed(mechanism: Mechanism) -> Parts:
         found: list[Loop] = []
         for loop in loops:
             relative = relative_at_zero(mechanism, loop.link1, loop.link2, f"joint '{loop.name}' of <gazebo>")
-            found.append(replace(loop, placement1=relative * loop.placement2))
+            turned = {
+                tag: _from_model(mechanism, loop, tag)
+                for tag in ("axis", "axis2")
+                if (loop.name, tag) in in_model
+            }
+            found.append(replace(loop, placement1=relative * loop.placement2, **turned))
         notes = tuple(Note(f"loop '{loop.name}'", AT_ZERO, Outcome.CHANGED) for loop in found)
         coupled = [couple(mechanism, coupling) for coupling in couplings]
         return Parts(
@@ -90,16 +101,37 @@ def _read_joint(reader: UrdfElements, element: etree._Element) -> Loop:
     return loop
 
 
+def _in_model_frame(reader: UrdfElements, joint: etree._Element, tag: str) -> bool:
+    """Tell whether an axis is written in the model's frame, as in SDFormat 1.4, and not in the joint's."""
+    owner = f"joint '{joint.get('name')}' of <gazebo>"
+    axis = reader.optional(joint, tag, owner)
+    flag = None if axis is None else reader.optional(axis, "use_parent_model_frame", owner)
+    if flag is None:
+        return False
+    word = reader.content(flag, owner)
+    if word not in ("0", "1", "false", "true"):
+        raise reader.error(f"{owner}: <use_parent_model_frame> must be 0 or 1, got {word!r}", owner)
+    return word in ("1", "true")
+
+
+def _from_model(mechanism: Mechanism, loop: Loop, tag: str) -> FloatArray:
+    """Turn an axis from the model's frame, that of the root link, into the joint's, all joints at zero."""
+    children = {joint.child for joint in mechanism.joints}
+    root = next(link.name for link in mechanism.links if link.name not in children)
+    owner = f"joint '{loop.name}' of <gazebo>"
+    frame = (
+        loop.placement2
+        if loop.link2 == root
+        else relative_at_zero(mechanism, root, loop.link2, owner) * loop.placement2
+    )
+    return frame.rotation.T @ getattr(loop, tag)
+
+
 def _axis(reader: UrdfElements, joint: etree._Element, tag: str, owner: str) -> FloatArray:
     axis = reader.child(joint, tag, owner)
     reader.only(axis, owner, (), _IN_AXIS)
     xyz = reader.child(axis, "xyz", owner)
     reader.only(xyz, owner, ())
-    other = reader.optional(axis, "use_parent_model_frame", owner)
-    if other is not None and reader.content(other, owner) not in ("0", "false"):
-        raise reader.error(
-            f"{owner}: <use_parent_model_frame> is not read; give <xyz> in the joint's frame", owner
-        )
     for part in ("limit", "dynamics", "initial_position"):
         if reader.optional(axis, part, owner) is not None:
             reader.notes.append(Note(owner, f"<{part}>: a joint that closes a loop has no coordinate"))

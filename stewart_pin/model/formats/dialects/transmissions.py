@@ -17,6 +17,7 @@ from stewart_pin.model.formats.foreign_tags import reason_to_ignore
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.xml import shown_tag
 
+_NOT_DRIVEN = ("PassiveJointInterface", "JointStateInterface")
 _ROTOR = ("drake:rotor_inertia", "drake:gear_ratio")
 
 
@@ -27,7 +28,16 @@ def _read_transmission(reader: UrdfElements, element: etree._Element) -> Parts:
         for inner in element.iter(etree.Element)
         if shown_tag(inner) in _ROTOR
     )
-    return Parts(motors=tuple(joint.get("name") or "" for joint in element.findall("joint")), notes=notes)
+    joints = element.findall("joint")
+    if joints and all(_is_passive(joint) for joint in joints):
+        return Parts(notes=(*notes, Note(reader.shown(element, "the file"), "passive joints, no motors")))
+    return Parts(motors=tuple(joint.get("name") or "" for joint in joints), notes=notes)
+
+
+def _is_passive(joint: etree._Element) -> bool:
+    """Tell whether a joint's interfaces are all those of a joint that nothing drives."""
+    words = [(each.text or "").strip().rpartition("/")[2] for each in joint.findall("hardwareInterface")]
+    return bool(words) and all(word in _NOT_DRIVEN for word in words)
 
 
 def _read_ros2_control(reader: UrdfElements, element: etree._Element) -> Parts:

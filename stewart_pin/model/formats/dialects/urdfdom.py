@@ -28,9 +28,10 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
     owner = f"constraint '{name}'"
     written = reader.text(element, "type", owner)
     types = [kind for kind in LOOP_KINDS if kind is not JointKind.DISTANCE]
-    if _SYNONYMS.get(written, written) not in types:
+    word = written.removesuffix("_joint")  # the fork writes spherical_joint
+    if _SYNONYMS.get(word, word) not in types:
         raise reader.error(f"{owner} has the type '{written}'; supported: {', '.join(types)}", owner)
-    kind = JointKind(_SYNONYMS.get(written, written))
+    kind = JointKind(_SYNONYMS.get(word, word))
     tags = [f"{end}{part}" for end in ("parent", "child") for part in ("", "_origin", "_axis")]
     reader.only(element, owner, ("name", "type"), tags)
     link1, link2 = reader.ends(element, owner)

@@ -186,7 +186,12 @@ class SdfReader(ElementReader):
         child = self.optional(element, tag, owner) if default else self.child(element, tag, owner)
         if child is None:
             return self.parse(default, n, owner, owner)
-        return self.parse((child.text or "").strip(), n, f"{owner}: <{tag}> (line {child.sourceline})", owner)
+        text = (child.text or "").strip()
+        if (
+            default and not text and not len(child)
+        ):  # Gazebo and Drake take an empty element for an absent one
+            return self.parse(default, n, owner, owner)
+        return self.parse(text, n, f"{owner}: <{tag}> (line {child.sourceline})", owner)
 
     def number(self, element: etree._Element, tag: str, owner: str, default: str = "") -> float:
         """Read a child of one finite number.
@@ -230,6 +235,8 @@ class SdfReader(ElementReader):
         if child is None:
             return None
         text = (child.text or "").strip()
+        if not text and not len(child):
+            return None
         endless = _INFINITY.fullmatch(text)
         if endless:
             return -np.inf if endless[1] == "-" else np.inf

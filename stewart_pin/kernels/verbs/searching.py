@@ -1,0 +1,156 @@
+"""A verb for one state at a time that first looks for the pose or the whole configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stewart_pin.errors import InputError
+from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.kernels.running.arrays import require_out
+from stewart_pin.kernels.verbs.configurations import as_poses, normalised, with_unit_quaternions
+from stewart_pin.kernels.verbs.judges import POOR
+from stewart_pin.typing import ArrayLike, FloatArray
+
+if TYPE_CHECKING:
+    from stewart_pin.kernels.verbs.calling import Caller
+
+Quick = Callable[..., tuple[FloatArray, ...] | None]
+"""Results of one state, or None where more than a few steps are needed."""
+
+
+class SearchingState:
+    """A verb that is called with one state and looks for pose or configuration first; made by `Kernels.single_state`.
+
+    Where a few steps leave a doubt, the verb for arrays answers. One thread at a time: each thread makes its own.
+
+    Parameters
+    ----------
+    caller
+        Kernels.
+    verb
+        Name of the verb.
+    """
+
+    def __init__(self, caller: Caller, verb: str) -> None:
+        self._made_from = (caller, verb)
+        self._names, self._sizes, self._quick = _prepared(caller, verb)
+        self._verb: Callable[..., Any] = getattr(caller, verb)
+        self.status = StateStatus.OK
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return SearchingState, self._made_from
+
+    def __call__(self, *inputs: ArrayLike, out: FloatArray | Sequence[FloatArray] | None = None) -> Any:
+        """Evaluate the verb.
+
+        Parameters
+        ----------
+        *inputs
+            The verb's arrays, each of one state [any unit].
+        out
+            Array for the result, or one for each, to write to [any unit]; None makes fresh ones.
+
+        Returns
+        -------
+        numpy.ndarray or tuple of numpy.ndarray
+            What the verb gives for this state, bit for bit [any unit]; nan unless ``status`` is OK.
+
+        Raises
+        ------
+        InputError
+            If number, shape or type of an argument does not fit.
+        """
+        if len(inputs) != len(self._names):
+            raise InputError(
+                f"{self._made_from[1]} takes {len(self._names)} arrays ({', '.join(self._names)}), got {len(inputs)}"
+            )
+        taken = [_one(*named, x) for *named, x in zip(self._names, self._sizes, inputs, strict=True)]
+        results = self._quick(*taken)
+        self.status = StateStatus.OK
+        if results is None:
+            status = np.zeros(1, dtype=np.int8)
+            found = self._verb(*(x[None] for x in taken), status=status)
+            results = tuple(x[0] for x in (found if isinstance(found, tuple) else (found,)))
+            self.status = StateStatus(int(status[0]))
+        if out is not None:
+            given = (out,) if isinstance(out, np.ndarray) else tuple(out)
+            if len(given) != len(results):
+                raise InputError(f"out must hold {len(results)} arrays, got {len(given)}")
+            for place, result in zip(given, results, strict=True):
+                require_out("out", place, result.shape, result.dtype)
+                place[...] = result
+            results = given
+        return results[0] if len(results) == 1 else results
+
+
+def _one(name: str, size: int, value: ArrayLike) -> FloatArray:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be an array of real numbers, got {value!r}") from None
+    if array.shape != (size,):
+        raise InputError(f"{name} must be one state of shape ({size},), got {array.shape}")
+    return array
+
+
+def _prepared(caller: Caller, verb: str) -> tuple[tuple[str, ...], tuple[int, ...], Quick]:
+    """Names and sizes of the arguments, and what answers at once where it can."""
+    nu = caller.chain.nu
+    if verb == "forward_kinematics":
+        return ("q_motor", "pose_guess"), (nu, 7), _forward_kinematics(caller)
+    first = ("pose", {"platform": 7, "motor": nu, "tree": caller.chain.nq}[caller.coordinates])
+    if verb == "inverse_kinematics":
+        search, motors = caller.search("q"), caller.chain.motor_q_index
+
+        def positions(pose: FloatArray) -> tuple[FloatArray, ...] | None:
+            q = search(with_unit_quaternions(pose[None])[0])
+            return None if q is None else (q[motors],)
+
+        return (first[0],), (first[1],), positions
+    by_geometry = verb.endswith("_geometry")
+    kernel = caller.single_program(verb.replace("_geometry", "_by_tree"))
+    blocked = caller.blocked if by_geometry else None
+    ports = kernel.program.inputs
+    search = None if caller.takes(ports[0].name) else caller.search(ports[0].name)
+    unit = caller.coordinates == "platform" and search is not None
+
+    def answer(position: FloatArray, *rest: FloatArray) -> tuple[FloatArray, ...] | None:
+        target = with_unit_quaternions(position[None])[0] if unit else position
+        state = target if search is None else search(target)
+        if state is None:
+            return None
+        found = kernel(state, *rest)
+        if kernel.status is not StateStatus.OK or (verb == "conditioning" and not found[0] >= POOR):
+            return None
+        if blocked is not None:
+            found[:, blocked] = np.nan
+        return found if isinstance(found, tuple) else (found,)
+
+    names = (first[0], *(port.name for port in ports[1:]))
+    return names, (first[1], *(port.size for port in ports[1:])), answer
+
+
+def _forward_kinematics(caller: Caller) -> Quick:
+    if caller.by_legs:
+        search = caller.search("pose", "forward_kinematics")
+
+        def by_legs(q_motor: FloatArray, guess: FloatArray) -> tuple[FloatArray, ...] | None:
+            pose = search(q_motor, normalised(guess[None])[0])
+            return None if pose is None else (pose,)
+
+        return by_legs
+    begin, towards = caller.search("q"), caller.search("q", "motor_closing")
+    platform = caller.single_program("platform_pose")
+
+    def by_tree(q_motor: FloatArray, guess: FloatArray) -> tuple[FloatArray, ...] | None:
+        start = begin(normalised(guess[None])[0])
+        q = None if start is None else towards(q_motor, start)
+        if q is None:
+            return None
+        position, rotation = platform(q)
+        return (as_poses(position.reshape(1, 3), rotation.reshape(1, 3, 3))[0],)
+
+    return by_tree
