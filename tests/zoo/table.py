@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+import pytest
+from _pytest.mark import ParameterSet
+
 import stewart_pin as stp
 
 FOLDER = Path(__file__).parent / "urdf"
@@ -124,3 +127,58 @@ ROWS = {row.name: row for row in ZOO}
 def zoo_chain(name: str) -> stp.ClosedChain:
     """Load a mechanism of the zoo once: chains are immutable."""
     return stp.load(ROWS[name].file)
+
+
+FAILING: dict[tuple[str, str], str] = {}
+"""What the package gets wrong: (check, mechanism), and the cause in a line."""
+
+_SPIN = "an idle rod whose centre lies beside its axis pulls at the motors wherever its spin stands"
+REFUSED: dict[tuple[str, str], str] = {
+    **{(kind, row.name): _SPIN for kind in ("motor", "platform") for row in ZOO if row.idle},
+    ("platform", "bevel_differential"): "the platform, one of the side gears, leaves the other one open",
+}
+"""Kernels that there cannot be: (coordinates, mechanism), and why; they are refused aloud."""
+
+QUICK = (
+    *(
+        "crank_rocker",
+        "kite",
+        "peaucellier",
+        "whitworth",
+        "lever_on_a_cylinder",
+        "oldham",
+        "wedge",
+        "parallel_cranks",
+    ),
+    *(
+        "scissor_lift",
+        "five_bar_prrrp",
+        "planar_3rrr",
+        "bennett",
+        "goldberg_5r",
+        "bricard_line_symmetric",
+        "sarrus",
+    ),
+    *(
+        "spherical_4r",
+        "rssr",
+        "rccc",
+        "screw_jack",
+        "door_on_two_hinges",
+        "tripod_3rps",
+        "tricept",
+        "exechon",
+    ),
+)
+"""Mechanisms of every kind, on which the quick tests see all laws; the others are marked slow there."""
+
+
+def expected(check: str, *, quick: bool = False) -> list[ParameterSet]:
+    """Name every mechanism for a check; where it is known to fail, with its cause; if asked for, all but `QUICK` slow."""
+    names: list[ParameterSet] = []
+    for row in ZOO:
+        failing = FAILING.get((check, row.name))
+        marks = [] if failing is None else [pytest.mark.xfail(strict=True, reason=failing)]
+        marks += [pytest.mark.slow] if quick and row.name not in QUICK else []
+        names.append(pytest.param(row.name, marks=marks))
+    return names

@@ -127,7 +127,9 @@ def _solve(system: ConstraintMatrixSystem, size: float, deficiency: int | None) 
     # Dense on purpose: at this size LAPACK is faster than SuperLU, which crashes on singular matrices.
     matrix = system.matrix.toarray() * across[:, None] * scale
     right = system.right_hand_side * across
-    null = np.zeros((right.size, 0)) if not deficiency else _free_wrenches(matrix, system.f_p.size, deficiency)
+    null = (
+        np.zeros((right.size, 0)) if not deficiency else _free_wrenches(matrix, system.f_p.size, deficiency)
+    )
     if null is not None:
         # Symmetric, so that what it leaves open is also what its right side cannot ask for.
         regular = matrix + null @ null.T
