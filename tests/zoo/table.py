@@ -174,7 +174,7 @@ QUICK = (
 
 
 def expected(check: str, *, quick: bool = False) -> list[ParameterSet]:
-    """Name every mechanism for a check; where it is known to fail, with its cause; if asked for, all but `QUICK` slow."""
+    """Name every mechanism for a check; where it is known to fail, with its cause; with `quick`, others slow."""
     names: list[ParameterSet] = []
     for row in ZOO:
         failing = FAILING.get((check, row.name))
