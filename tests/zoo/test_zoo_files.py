@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import stewart_pin as stp
+from tests.rewritten import in_other_unit
 from tests.zoo.make import MAKERS
-from tests.zoo.table import FOLDER, ROWS, ZOO, Row, zoo_chain
+from tests.zoo.table import FOLDER, ROWS, ZOO, Row, expected, zoo_chain
 from tests.zoo.telling import Telling
 
 each = pytest.mark.parametrize("row", ZOO, ids=[row.name for row in ZOO])
@@ -43,3 +46,13 @@ def test_file_is_small_and_its_loops_close(row: Row) -> None:
     assert not chain.q_home[chain.motor_q_index].any()
     # Differences of points of up to 2 m, in four sums.
     assert np.abs(stp.loop_gap(chain, chain.q_home)).max(initial=0.0) <= 2e-15
+
+
+@pytest.mark.parametrize("name", expected("long_stroke"))
+def test_long_strokes_do_not_tie_the_size_to_a_unit(name: str, tmp_path: Path) -> None:
+    """Strokes of 1 km, as programs write them that have none: in millimetres the mechanism is as large."""
+    text = ROWS[name].file.read_text("utf-8").replace('"-2.0"', '"-1000.0"').replace('"2.0"', '"1000.0"')
+    path = tmp_path / f"{name}.urdf"
+    path.write_text(text, "utf-8")
+    chain = stp.load(path)
+    assert in_other_unit(chain, 1e3).length_scale == pytest.approx(1e3 * chain.length_scale, rel=1e-9)
