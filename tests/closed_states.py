@@ -15,6 +15,7 @@ import pinocchio as pin
 import stewart_pin as stp
 from stewart_pin.model.description import LOOP_KINDS, JointKind
 from tests.mechanisms import gear_train, two_bodies
+from tests.zoo.table import ROWS, zoo_chain
 
 KINDS = (*(str(kind) for kind in LOOP_KINDS), "gear_train")
 """A mechanism per kind of closure, its frames and axes in general position; named after the kind."""
@@ -25,7 +26,9 @@ _NEAR = 2e-3
 
 @cache
 def robot(name: str) -> stp.ClosedChain:
-    """Load a bundled robot, or build one of the `KINDS` of closures, once: chains are immutable."""
+    """Load a bundled robot or one of the zoo, or build one of the `KINDS` of closures, once: chains are immutable."""
+    if name in ROWS:
+        return zoo_chain(name)
     if name in KINDS:
         rng = np.random.default_rng(11)
         return gear_train(rng) if name == "gear_train" else two_bodies(JointKind(name), rng)

@@ -118,6 +118,7 @@ def recut(chain: stp.ClosedChain) -> stp.ClosedChain | None:
     """
     old = chain.described()
     parent = {joint.child: joint for joint in old.joints}
+    coupled = {name for coupling in old.couplings for name in (coupling.joint1, coupling.joint2)}
     for loop in old.loops:
         if loop.kind not in _TREE_ABLE:
             continue
@@ -125,7 +126,7 @@ def recut(chain: stp.ClosedChain) -> stp.ClosedChain | None:
             link = getattr(loop, f"link{below}")
             carrier = getattr(loop, f"link{above}")
             cut = parent.get(link)
-            if cut is None or cut.independent or _hangs_on(parent, carrier, link):
+            if cut is None or cut.independent or cut.name in coupled or _hangs_on(parent, carrier, link):
                 continue
             return _cut(chain, old, loop, below, cut)
     return None

@@ -19,6 +19,7 @@ from tests.closed_states import (
     robot,
     smallest_inertia,
 )
+from tests.zoo.table import ZOO
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,11 @@ class Case:
     pose: str
 
 
-@pytest.fixture(params=[*stp.robots(), *KINDS])
+@pytest.fixture(
+    params=[*stp.robots(), *KINDS, *(pytest.param(row.name, marks=pytest.mark.slow) for row in ZOO)]
+)
 def chain(request: pytest.FixtureRequest) -> stp.ClosedChain:
-    """Return each bundled robot, and each kind of closure."""
+    """Return each bundled robot, each kind of closure, and each mechanism of the zoo."""
     return robot(request.param)
 
 

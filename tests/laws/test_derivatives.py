@@ -76,7 +76,8 @@ def test_motor_jacobian(case: Case) -> None:
         return stp.close_loops(chain, curve(t)).q
 
     here = stp.platform_pose(chain, case.q)
-    h = 1e-2  # a wider step: what Newton's method leaves open, 1e-14, must not show
+    # A wider step: what Newton's method leaves open, 1e-14, must not show; next to a singularity motions bend more.
+    h = 4e-3 if case.pose == "near_singular" else 1e-2
     rates = derivative(lambda t: stp.motor_positions(chain, closed(t)), h)
     linear = derivative(lambda t: stp.platform_pose(chain, closed(t)).translation, h)
     angular = derivative(

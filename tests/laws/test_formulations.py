@@ -35,7 +35,11 @@ def test_constraint_matrix_equals_pinocchio(held: Case, rng: np.random.Generator
         assert (two.unique, two.reactions_unique) == (one.unique, one.reactions_unique)
         if chain.nc:
             # The least of many reactions also sees the round-off of the null space, which a near singularity turns.
-            close(two.lambda_c, one.lambda_c, tolerance if one.reactions_unique else 10 * tolerance)
+            tolerance = tolerance if one.reactions_unique else 10 * tolerance
+            if chain.generic.rank:
+                close(two.lambda_c, one.lambda_c, tolerance)
+            else:  # rows that repeat what the joints hold: the least reactions are none
+                assert np.abs(two.lambda_c - one.lambda_c).max() <= tolerance * np.abs(one.tau_motor).max()
 
 
 def leg_parts(chain: stp.ClosedChain) -> tuple[stp.Hexapod, stp.HexapodBodies] | None:

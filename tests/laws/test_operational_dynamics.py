@@ -43,7 +43,9 @@ def test_the_map_keeps_loops_closed_and_gives_the_rates(held: Case, coordinates:
         close(found.rate, held.v[chain.motor_index], 1e-12)
     else:
         twist = chain.at(held.q).P
-        close(twist @ found.G, found.coordinates.basis, tolerance)
+        # The product has the round-off of its parts: next to a singularity of the platform rates are large.
+        parts = float(np.abs(found.G / chain.tangent_scale[:, None]).max())
+        close(twist @ found.G, found.coordinates.basis, tolerance * max(1.0, parts))
         close(found.coordinates.basis @ found.rate, twist @ held.v, tolerance)
 
 

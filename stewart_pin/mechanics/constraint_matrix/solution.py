@@ -1,4 +1,9 @@
-"""Solve the block system: motor efforts, loop reactions, and the accelerations of all bodies."""
+"""Solve the block system: motor efforts, loop reactions, and the accelerations of all bodies.
+
+References
+----------
+.. [1] N. J. Higham, "Accuracy and Stability of Numerical Algorithms", 2002.
+"""
 
 from __future__ import annotations
 
@@ -122,16 +127,37 @@ def _solve(system: ConstraintMatrixSystem, size: float, deficiency: int | None) 
     # Dense on purpose: at this size LAPACK is faster than SuperLU, which crashes on singular matrices.
     matrix = system.matrix.toarray() * across[:, None] * scale
     right = system.right_hand_side * across
-    if not deficiency:
+    null = (
+        np.zeros((right.size, 0)) if not deficiency else _free_wrenches(matrix, system.f_p.size, deficiency)
+    )
+    if null is not None:
+        # Symmetric, so that what it leaves open is also what its right side cannot ask for.
+        regular = matrix + null @ null.T
         getrf, gecon, getrs = get_lapack_funcs(("getrf", "gecon", "getrs"), (matrix,))
-        factors, pivots, info = getrf(matrix)
-        if info == 0 and gecon(factors, np.linalg.norm(matrix, 1))[0] > _REGULAR:
+        factors, pivots, info = getrf(regular)
+        if info == 0 and gecon(factors, np.linalg.norm(regular, 1))[0] > _REGULAR:
             unknowns = getrs(factors, pivots, right)[0]
-            return _Solution(scale * unknowns, np.zeros((right.size, 0)), scale)
+            # Large wrenches would leave their round-off in the accelerations; one refinement takes it out [1, ch. 12].
+            unknowns += getrs(factors, pivots, right - matrix @ unknowns)[0]
+            return _Solution(scale * unknowns, null, scale)
     u, s, vt = np.linalg.svd(matrix)
     rank = int(np.count_nonzero(s > _REGULAR * s[0])) if deficiency is None else s.size - deficiency
-    unknowns = vt[:rank].T @ ((u[:, :rank].T @ right) / s[:rank])
+    unknowns = np.zeros_like(right)
+    for _ in range(2):  # the second time as above
+        unknowns += vt[:rank].T @ ((u[:, :rank].T @ (right - matrix @ unknowns)) / s[:rank])
     return _Solution(scale * unknowns, vt[rank:].T, scale)
+
+
+def _free_wrenches(matrix: FloatArray, n_bodies: int, deficiency: int) -> FloatArray | None:
+    """Orthonormal basis of what is undetermined, where that is wrenches alone: (n, deficiency), or None.
+
+    From the columns of the joints, which next to a singularity tell it twice as many digits as the whole matrix.
+    """
+    _, s, vt = np.linalg.svd(matrix[:n_bodies, n_bodies:])
+    values = np.append(s, np.zeros(len(vt) - s.size))
+    if (values[len(vt) - deficiency :] > _REGULAR * values[0]).any():
+        return None
+    return np.vstack([np.zeros((n_bodies, deficiency)), vt[len(vt) - deficiency :].T])
 
 
 def _natural_units(system: ConstraintMatrixSystem, size: float) -> tuple[FloatArray, FloatArray]:
