@@ -383,7 +383,7 @@ class ClosedChain:
 
     @cached_property
     def leg_readings(self) -> tuple[FloatArray, FloatArray]:
-        """What motors of legs read, length = offset + sign × reading: (nu,) signs, (nu,) lengths where they read zero [m]."""
+        """What motors of legs read, length = offset + sign × reading: (nu,) signs and (nu,) offsets [m]."""
         return leg_readings(self.mechanism, self.motors, self.platform, self.q_home[self.motor_q_index])
 
 
