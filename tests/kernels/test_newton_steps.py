@@ -46,25 +46,27 @@ def solve(
 ) -> Solved:
     """Solve from states that meet other targets."""
     steps = newton(equations)
-    return solve_on_branch(Plans(lambda: [steps]), start, lambda rows: met(start[rows]), target, straight)
+    return solve_on_branch(
+        Plans(lambda: [steps]), start, lambda rows: (start[rows], met(start[rows])), target, straight
+    )
 
 
 def test_a_double_step_is_newton_and_a_chord() -> None:
     x, target = np.array([[1.5]]), np.array([[2.0]])
     middle = x + (target - x**2) / (2 * x)
     end = middle + (target - middle**2) / (2 * x)
-    after, gap = newton(square_roots()).double(np.hstack([x, [[0.0]]]), target)
-    np.testing.assert_allclose(after[:, :1], end, rtol=1e-15)
+    after, gap, largest = newton(square_roots()).double(x, target, np.zeros(1))
+    np.testing.assert_allclose(after, end, rtol=1e-15)
     # The contraction, or what so long a first move counts as.
     expected = max((end - middle)[0, 0] / (middle - x)[0, 0], abs(middle - x)[0, 0] / 2.4)
-    np.testing.assert_allclose(after[0, 1], expected, rtol=1e-4)
+    np.testing.assert_allclose(largest[0, 0], expected, rtol=1e-4)
     np.testing.assert_allclose(gap, middle**2 - target, rtol=1e-12)  # still too large to foretell anything
 
 
 def test_double_steps_converge_with_order_three() -> None:
     double = newton(square_roots()).double
     offsets = np.array([[1e-2], [1e-3]])
-    after = double(np.hstack([1 + offsets, np.zeros((2, 1))]), np.ones((2, 1)))[0][:, :1] - 1.0
+    after = double(1 + offsets, np.ones((2, 1)), np.zeros(1))[0] - 1.0
     # Newton alone would leave offset² / 2.
     np.testing.assert_allclose(
         after / offsets**3, 0.5, rtol=0.03

@@ -130,8 +130,8 @@ def double_step(name: str, equations: NewtonEquations) -> ca.Function:
     Returns
     -------
     casadi.Function
-        ``(state, target) -> (next, gap)``, (n + 1, 1) states whose last entry is the largest contraction so far, or
-        what a far move counts as, with the sign of the determinant, or 1 where that changes: straight on leads to
+        ``(state, target, contraction) -> (next, gap, largest)``. The contraction is the largest so far, zero at first,
+        or what a far move counts as, with the sign of the determinant, or 1 where that changes: straight on leads to
         another branch where two of them nearly meet. The gap is that between the moves, h, where it was g before them;
         or, if less, a thousand times the 4 h² / g that the second move may leave, twice what it is expected to.
     """
@@ -150,10 +150,11 @@ def double_step(name: str, equations: NewtonEquations) -> ca.Function:
     signed = ca.if_else(turned, 1, ca.copysign(ca.fmax(ca.fabs(worst), contraction), e.determinant))
     return shared(
         name,
-        {"state": ca.vertcat(e.state, worst), "target": e.target},
+        {"state": e.state, "target": e.target, "contraction": worst},
         {
-            "next": ca.vertcat(e.move(between, second), signed),
+            "next": e.move(between, second),
             "gap": ca.if_else(number, ca.fmin(size, foretold), 1),
+            "largest": signed,
         },
     )
 

@@ -31,15 +31,15 @@ def write_repeatedly(
     list of list of str
         For each output, the name of the value of each entry after the last pass.
     """
-    state, following, gap = require_repeat(program, repeat)
+    taken, gap = require_repeat(program, repeat)
     before, again, after, on = (w.label(name) for name in ("before", "again", "after", "on"))
     w.lines += [f"  br label %{before}", f"{before}:", f"  br label %{again}", f"{again}:"]
     place = len(w.lines)  # of what is carried from pass to pass; known when the pass has been written
     zero = w.constant(0.0)
     passes, done = w.name(), w.name()
     old = [[w.name() for _ in entries] for entries in program.results]
-    begun = [w.name() for _ in inputs[state]]
-    given = [begun if k == state else list(entries) for k, entries in enumerate(inputs)]
+    begun = {k: [w.name() for _ in inputs[k]] for k in taken}
+    given = [begun.get(k, list(entries)) for k, entries in enumerate(inputs)]
     new = write_program(w, program, given)
     kept = [
         [w.select(done, a, b) for a, b in zip(olds, news, strict=True)]
@@ -69,7 +69,8 @@ def write_repeatedly(
     ]
     lines += [
         carried(name, w.type, first, value)
-        for name, first, value in zip(begun, inputs[state], kept[following], strict=True)
+        for state, following in taken.items()
+        for name, first, value in zip(begun[state], inputs[state], kept[following], strict=True)
     ]
     w.lines[place:place] = lines
     return kept

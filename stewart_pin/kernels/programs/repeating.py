@@ -35,6 +35,8 @@ class Repeat:
         what that pass gives, and stops.
     limit
         Largest number of passes.
+    also
+        Further inputs, and the outputs that they take.
 
     Raises
     ------
@@ -47,6 +49,7 @@ class Repeat:
     gap: str
     tolerance: float
     limit: int
+    also: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         if self.limit < 1:
@@ -55,7 +58,7 @@ class Repeat:
             raise InputError(f"tolerance must not be negative, got {self.tolerance}")
 
 
-def require_repeat(program: Program, repeat: Repeat) -> tuple[int, int, int]:
+def require_repeat(program: Program, repeat: Repeat) -> tuple[dict[int, int], int]:
     """Find what a repetition names.
 
     Parameters
@@ -67,8 +70,10 @@ def require_repeat(program: Program, repeat: Repeat) -> tuple[int, int, int]:
 
     Returns
     -------
-    tuple of int
-        Index of the input, of the output that it takes, and of the gap.
+    carried : dict
+        Index of each input that takes the result of the pass before, and of the output that it takes.
+    gap : int
+        Index of the gap.
 
     Raises
     ------
@@ -76,14 +81,16 @@ def require_repeat(program: Program, repeat: Repeat) -> tuple[int, int, int]:
         If the program has no such input or output, or they differ in shape.
     """
     names = [port.name for port in program.inputs]
-    if repeat.state not in names:
-        raise InputError(f"{program.name} has no input {repeat.state!r}, only {', '.join(names)}")
-    state = names.index(repeat.state)
-    following, gap = (require_output(program, name) for name in (repeat.following, repeat.gap))
-    one, two = program.inputs[state], program.outputs[following]
-    if one.shape != two.shape:
-        raise InputError(f"{two.name} {two.shape} cannot take the place of {one.name} {one.shape}")
-    return state, following, gap
+    carried: dict[int, int] = {}
+    for name, following in ((repeat.state, repeat.following), *repeat.also):
+        if name not in names:
+            raise InputError(f"{program.name} has no input {name!r}, only {', '.join(names)}")
+        state, result = names.index(name), require_output(program, following)
+        one, two = program.inputs[state], program.outputs[result]
+        if one.shape != two.shape:
+            raise InputError(f"{two.name} {two.shape} cannot take the place of {one.name} {one.shape}")
+        carried[state] = result
+    return carried, require_output(program, repeat.gap)
 
 
 def run_repeatedly(
@@ -107,14 +114,15 @@ def run_repeatedly(
     list of numpy.ndarray
         For each output (N, size), as the last pass of each state left it [any unit].
     """
-    state, following, gap = require_repeat(program, repeat)
+    carried, gap = require_repeat(program, repeat)
     given = list(inputs)
     results = run_program(program, given, dtype=dtype)
     done = _closed(results[gap], repeat)
     for _ in range(repeat.limit - 1):
         if done.all():
             break
-        given[state] = results[following]
+        for state, following in carried.items():
+            given[state] = results[following]
         passed = run_program(program, given, dtype=dtype)
         results = [np.where(done[:, None], old, new) for old, new in zip(results, passed, strict=True)]
         done = done | _closed(passed[gap], repeat)

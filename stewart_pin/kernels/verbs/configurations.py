@@ -48,8 +48,8 @@ def serves(steps: NewtonSteps, state: FloatArray, target: FloatArray) -> bool:
     bool
         Whether they do.
     """
-    stays = steps.double(np.append(state, 0.0), target)[0]
-    return bool(np.allclose(stays[:-1], state, atol=1e-6))
+    stays = steps.double(state, target, np.zeros(1))[0]
+    return bool(np.allclose(stays, state, atol=1e-6))
 
 
 def configurations(
@@ -81,10 +81,13 @@ def configurations(
         if found is not None and not len(left):
             break
 
-        def meets(rows: np.ndarray, met: FloatArray = met) -> FloatArray:
-            return np.tile(met, (len(rows), 1))
+        def begin(
+            rows: np.ndarray, q: FloatArray = q, met: FloatArray = met
+        ) -> tuple[FloatArray, FloatArray]:
+            return np.tile(q, (len(rows), 1)), np.tile(met, (len(rows), 1))
 
-        solved = solve_on_branch(plans, q[None], meets, targets[left], between, threads=threads)
+        aims = targets if len(left) == len(targets) else targets[left]
+        solved = solve_on_branch(plans, q, begin, aims, between, threads=threads)
         found = solved if found is None else found.with_rows(left, solved)
     assert found is not None
     # Where home is singular branches meet, and any of them will do.

@@ -84,18 +84,19 @@ class KinematicsVerbs(Caller):
         if len(guess) not in (1, len(target)):
             raise InputError(f"there are {len(guess)} guesses for {len(target)} motor positions")
         if self._functions.placed is not None:
-            guess = normalised(guess)
-            plans, begins = self._plans("forward_kinematics"), partial(self._motors_near, guess, target)
-            solved = solve_on_branch(plans, guess, begins, target, straight, threads=threads)
+            plans, begin = self._plans("forward_kinematics"), partial(self._beginning, guess, target)
+            room = None if single else out
+            start = guess[0] if len(guess) == 1 else guess
+            solved = solve_on_branch(plans, start, begin, target, straight, out=room, threads=threads)
             found = self._given(solved, (solved.states,), status, single=single)
             self._grade(solved.states, conditioning, threads)
-            return _copied(found, out)
+            return found if room is not None else _copied(found, out)
         begun = self._configurations(normalised(np.broadcast_to(guess, (len(target), 7))), threads)
         states, motors = begun.states, self.chain.motor_q_index
         solved = solve_on_branch(
             self._plans("motor_closing"),
             states,
-            lambda rows: states[np.ix_(rows, motors)],
+            lambda rows: (states[rows], states[np.ix_(rows, motors)]),
             target,
             straight,
             threads=threads,
@@ -160,11 +161,13 @@ class KinematicsVerbs(Caller):
             lost_twice(found)
         return found
 
-    def _motors_near(self, guess: FloatArray, target: FloatArray, rows: np.ndarray) -> FloatArray:
-        """Motor positions of guesses, the turns of those that turn counted as targets count them."""
-        own = self._kernel("inverse_kinematics")(guess if len(guess) == 1 else guess[rows])
-        turns = self._functions.turning
-        return own + np.where(turns, 2 * np.pi * np.round((target[rows] - own) / (2 * np.pi)), 0.0)
+    def _beginning(
+        self, guess: FloatArray, target: FloatArray, rows: np.ndarray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Guesses with motor positions, the turns of those that turn counted as targets count them."""
+        poses = normalised(np.broadcast_to(guess, (len(target), 7))[rows])
+        own, turns = self._kernel("inverse_kinematics")(poses), self._functions.turning
+        return poses, own + np.where(turns, 2 * np.pi * np.round((target[rows] - own) / (2 * np.pi)), 0.0)
 
     def _grade(self, states: FloatArray, conditioning: FloatArray | None, threads: int) -> None:
         """Write the conditioning of poses or configurations."""

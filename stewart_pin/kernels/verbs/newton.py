@@ -23,6 +23,8 @@ _CONTRACTION = 0.25
 """Largest share of a move that the next may have where a branch is certainly kept, see `double_step`."""
 _SHORTEST = 1e-5
 """Share of a path below which a stretch is not shortened any more: there is a singularity."""
+_NONE = np.zeros(1)
+"""Contraction before the first step."""
 _STRETCHES = 400
 """Stretches after which a path is given up."""
 
@@ -34,7 +36,8 @@ class NewtonSteps:
     Attributes
     ----------
     double
-        Of ``(state, target) -> (next, gap)``: a full step, and another with the matrix of the first.
+        Of ``(state, target, contraction) -> (next, gap, largest)``: a full step, and another with the matrix of the
+        first.
     damped
         Gives that of ``(search, target) -> (next, gap)``, when rows need it: a trial of a shorter step.
     stretch
@@ -141,10 +144,11 @@ def straight(begin: FloatArray, end: FloatArray, share: FloatArray) -> FloatArra
 def solve_on_branch(
     plans: Plans,
     start: FloatArray,
-    start_target: Callable[[np.ndarray], FloatArray],
+    begin: Callable[[np.ndarray], tuple[FloatArray, FloatArray]],
     target: FloatArray,
     between: Between,
     *,
+    out: FloatArray | None = None,
     threads: int = 1,
 ) -> Solved:
     """Close every row of an array on the branch of its start.
@@ -154,13 +158,15 @@ def solve_on_branch(
     plans
         What to take.
     start
-        (1 or N, n) states to start from [any unit].
-    start_target
-        Gives the (k, m) targets that the starts of some rows meet [any unit].
+        (n,) or (N, n) states to start from [any unit].
+    begin
+        Gives the (k, n) states where the ways of some rows begin, and the (k, m) targets that these meet [any unit].
     target
         (N, m) targets [any unit].
     between
         Leads from the one to the other.
+    out
+        (N, n) array for the states; None makes one [any unit].
     threads
         Number of threads.
 
@@ -175,22 +181,21 @@ def solve_on_branch(
     short enough for that. What is then not met, but by damped steps, is on another branch, or beyond a singularity.
     """
     steps = plans.known()[0]
-    tolerance = _tolerance(steps)
-    states, gaps = _double_steps(steps.double, start, target, threads)
-    closed = gaps <= tolerance
-    kept = closed & (np.abs(states[:, -1]) <= _CONTRACTION)
-    states = states[:, :-1]
-    left = np.flatnonzero(~kept & np.isfinite(target).all(axis=1))
-    if not len(left):
+    tolerance = _tolerance_of(steps.double)
+    states, closed, kept = _double_steps(steps.double, start, target, threads, out)
+    if kept.all():
         return Solved(states, closed, kept)
-    ends, arrived = _follow(plans, _rows(start, left), start_target(left), target[left], between, threads)
-    came, went = left[arrived], left[~arrived]
-    states[came], closed[came], kept[came] = ends[arrived], True, True
-    again = went[~closed[went]]
-    if len(again):
-        states[again], closed[again] = _damped(
-            steps.damped(), _rows(start, again), target[again], tolerance, threads
-        )
+    left = np.flatnonzero(~kept & np.isfinite(target).all(axis=1))
+    if len(left):
+        ways = begin(left)
+        ends, arrived = _follow(plans, *ways, target[left], between, threads)
+        came, went = left[arrived], ~arrived & ~closed[left]
+        states[came], closed[came], kept[came] = ends[arrived], True, True
+        again = left[went]
+        if len(again):
+            states[again], closed[again] = _damped(
+                steps.damped(), ways[0][went], target[again], tolerance, threads
+            )
     return Solved(states, closed, kept)
 
 
@@ -229,38 +234,33 @@ class OneSearch:
         begin = self._begin if start is None else start
         if begin is None:
             return None
-        state, gap = self._plain(np.append(begin, 0.0), target)
-        return state[:-1] if gap[0] <= self._tolerance and abs(state[-1]) <= _CONTRACTION else None
-
-
-def _tolerance(steps: NewtonSteps) -> float:
-    return _tolerance_of(steps.double)
+        state, gap, largest = self._plain(begin, target, _NONE)
+        return state if gap[0] <= self._tolerance and abs(largest[0]) <= _CONTRACTION else None
 
 
 def _tolerance_of(kernel: ArrayKernel) -> float:
     return _CLOSED if kernel.dtype == np.float64 else _CLOSED_SINGLE
 
 
-def _rows(array: FloatArray, rows: np.ndarray) -> FloatArray:
-    return np.repeat(array, len(rows), axis=0) if len(array) == 1 else array[rows]
-
-
 def _double_steps(
-    kernel: ArrayKernel, start: FloatArray, target: FloatArray, threads: int
-) -> tuple[FloatArray, FloatArray]:
-    """Take double steps until a row has closed, or has had enough of them: (N, n + 1) states and (N,) gaps."""
-    begin = np.zeros((len(start), kernel.program.inputs[0].size), dtype=kernel.dtype)
-    begin[:, :-1] = start
-    if len(begin) == 1 and len(target) != 1:
-        begin = begin[0]
-    states, gaps = kernel.repeated(_repeat(kernel))(begin, target, threads=threads)
-    return states, gaps[:, 0]
+    kernel: ArrayKernel,
+    start: FloatArray,
+    target: FloatArray,
+    threads: int,
+    out: FloatArray | None = None,
+) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """Take double steps until a row has closed, or has had enough of them; say who closed, and who surely stayed."""
+    room = None if out is None else [out, None, None]
+    states, gap, largest = kernel.repeated(_repeat(kernel))(start, target, _NONE, out=room, threads=threads)
+    closed = gap[:, 0] <= _tolerance_of(kernel)
+    return states, closed, closed & (np.abs(largest[:, 0]) <= _CONTRACTION)
 
 
 def _repeat(kernel: ArrayKernel) -> Repeat:
-    (state, *_), (following, gap, *_) = kernel.program.inputs, kernel.program.outputs
+    (state, _, before), (following, gap, largest) = kernel.program.inputs, kernel.program.outputs
+    also = ((before.name, largest.name),)
     # The step after a closed gap leaves nothing but round-off.
-    return Repeat(state.name, following.name, gap.name, _tolerance_of(kernel), _DOUBLE_STEPS)
+    return Repeat(state.name, following.name, gap.name, _tolerance_of(kernel), _DOUBLE_STEPS, also)
 
 
 def _follow(
@@ -308,9 +308,7 @@ def _by_any(
         left = np.flatnonzero(~good)
         if not len(left):
             break
-        found, gaps = _double_steps(kernel, start[left], target[left], threads)
-        state[left] = found[:, :-1]
-        good[left] = (gaps <= _tolerance_of(kernel)) & (np.abs(found[:, -1]) <= _CONTRACTION)
+        state[left], _, good[left] = _double_steps(kernel, start[left], target[left], threads)
     return state, good
 
 
