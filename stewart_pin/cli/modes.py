@@ -25,6 +25,9 @@ from stewart_pin.viz.assembly_modes import plot_assembly_modes
 from stewart_pin.viz.figures import check_picture_path, save_figure
 from stewart_pin.viz.planar import plot_poses
 
+_SAME = 1e-9
+"""Difference of two strokes that is round-off of their offsets [m]."""
+
 
 def modes(
     robot: Annotated[str, typer.Argument(help="Six-legged or planar robot, bundled or a file.")] = "stewart",
@@ -60,7 +63,8 @@ def modes(
 
 def _spatial(chain: ClosedChain, lengths: str | None) -> tuple[dict[str, Any], Any]:
     hexapod = Hexapod.from_chain(chain)
-    home = motor_positions(chain, chain.q_home)
+    sign, offset = chain.leg_readings
+    home = offset + sign * motor_positions(chain, chain.q_home)
     legs = home if lengths is None else np.array(parse_numbers("--lengths", lengths, 6))
     found = assembly_modes(hexapod, legs)
     facts = describe_modes(hexapod, found, stroke=_stroke(chain))
@@ -114,11 +118,15 @@ def _spatial(chain: ClosedChain, lengths: str | None) -> tuple[dict[str, Any], A
     return figures, lambda: plot_assembly_modes(hexapod, found)
 
 
-def _stroke(chain: Any) -> tuple[float, float] | None:
+def _stroke(chain: ClosedChain) -> tuple[float, float] | None:
     """Least and greatest leg length that the motors share, or None where they differ or have none."""
-    ranges = {(chain.mechanism.joint(name).lower, chain.mechanism.joint(name).upper) for name in chain.motors}
-    (only,) = ranges if len(ranges) == 1 else (None,)
-    return only if only is not None and np.isfinite(only).all() else None
+    joints = [chain.mechanism.joint(name) for name in chain.motors]
+    sign, offset = chain.leg_readings
+    ends = offset + sign * np.array([[joint.lower for joint in joints], [joint.upper for joint in joints]])
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    if not np.isfinite(ends).all() or np.ptp(low) > _SAME or np.ptp(high) > _SAME:
+        return None
+    return float(low[0]), float(high[0])
 
 
 def _planar(

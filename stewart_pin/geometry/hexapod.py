@@ -111,6 +111,26 @@ class Hexapod:
         return cls(*chain.leg_points())
 
 
+def require_hexapod(value: object) -> None:
+    """Refuse what is no geometry of a platform on legs.
+
+    Parameters
+    ----------
+    value
+        What the caller passed.
+
+    Raises
+    ------
+    InputError
+        If it is something else, as a chain; says what takes one.
+    """
+    if not isinstance(value, Hexapod):
+        raise InputError(
+            f"a closed form of platforms on legs takes a Hexapod, got {type(value).__name__}; for a chain use "
+            "Hexapod.from_chain(chain), or inverse_kinematics, forward_kinematics and motor_jacobian, which take it"
+        )
+
+
 def leg_vectors(hexapod: Hexapod, position: ArrayLike, rotation: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Compute the vectors along the legs and the arms to the platform points.
 
@@ -130,6 +150,7 @@ def leg_vectors(hexapod: Hexapod, position: ArrayLike, rotation: ArrayLike) -> t
     arms : numpy.ndarray
         (..., 6, 3) from platform origin to platform point, in the base frame [m].
     """
+    require_hexapod(hexapod)
     position = as_batch("position", position, (3,))
     rotation = as_rotation("rotation", rotation)
     require_broadcast(position=position.shape[:-1], rotation=rotation.shape[:-2])

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from stewart_pin.checks import as_array
 from stewart_pin.errors import ClosureError, InputError, SingularityError
-from stewart_pin.geometry.hexapod import Hexapod, leg_jacobian, leg_lengths
+from stewart_pin.geometry.hexapod import Hexapod, leg_jacobian, leg_lengths, require_hexapod
 from stewart_pin.geometry.multiprecision import refine_pose
 from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -183,6 +183,7 @@ def robot_size(hexapod: Hexapod, lengths: FloatArray) -> float:
     float
         The size [m].
     """
+    require_hexapod(hexapod)
     clouds = (hexapod.base_points, hexapod.platform_points)
     return float(max([np.abs(c - c.mean(axis=0)).max() for c in clouds] + [lengths.max()]))
 

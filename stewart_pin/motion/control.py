@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.building.hexapod_bodies import hexapod_bodies
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, leg_jacobian, leg_lengths, point_mass_forces
@@ -18,6 +17,7 @@ from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
 from stewart_pin.geometry.leg_motion import leg_rates
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, motor_efforts
 from stewart_pin.mechanics.kinematics import forward_kinematics, platform_acceleration, platform_motion
+from stewart_pin.motion.leg_formula import leg_formula
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State
@@ -76,10 +76,10 @@ class Feedforward:
         chain = self.chain
         if self.model == "point_mass":
             return _point_mass(chain, self._hexapod, want.pose(0), want.acceleration[0, :3])
-        if self._bodies is not None:
+        formula = leg_formula(chain)
+        if formula is not None:
             answer = hexapod_inverse_dynamics(
-                self._hexapod,
-                self._bodies,
+                *formula,
                 want.position,
                 want.rotation,
                 want.twist,
@@ -95,14 +95,6 @@ class Feedforward:
     @cached_property
     def _hexapod(self) -> Any:
         return Hexapod.from_chain(self.chain)
-
-    @cached_property
-    def _bodies(self) -> Any:
-        try:
-            Hexapod.from_chain(self.chain)
-            return hexapod_bodies(self.chain)
-        except UnsupportedError:
-            return None
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from stewart_pin.building.hexapod_bodies import hexapod_bodies
-from stewart_pin.errors import ClosureError, UnsupportedError
+from stewart_pin.errors import ClosureError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
@@ -22,6 +21,7 @@ from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import State, inverse_kinematics, platform_motion
 from stewart_pin.model.description import JointKind
+from stewart_pin.motion.leg_formula import leg_formula
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray
@@ -108,7 +108,7 @@ def demand_kernels(chain: ClosedChain, states: float, wanted: bool | None) -> Ke
     Kernels or None
         Kernels, or None where a demand is better computed without.
     """
-    closed_form = wanted is None and _closed_form(chain) is not None
+    closed_form = wanted is None and leg_formula(chain) is not None
     return kernels_for(chain, int(states) // (_CLOSED_FORM if closed_form else 1), wanted)
 
 
@@ -183,7 +183,7 @@ def demand_by_formula(
     ActuationError
         If the motors cannot hold it.
     """
-    closed_form = _closed_form(chain)
+    closed_form = leg_formula(chain)
     if closed_form is not None:
         return _by_closed_form(chain, *closed_form, samples)
     if suspect is not None:
@@ -194,14 +194,6 @@ def demand_by_formula(
             raise out_of_reach.with_traceback(None)
         _one_state(chain, samples, suspect, chain.q_home)
     return _state_by_state(chain, samples)
-
-
-@lru_cache(maxsize=8)
-def _closed_form(chain: ClosedChain) -> tuple[Hexapod, HexapodBodies] | None:
-    try:
-        return Hexapod.from_chain(chain), hexapod_bodies(chain)
-    except UnsupportedError:
-        return None
 
 
 def _by_closed_form(

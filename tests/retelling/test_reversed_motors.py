@@ -72,3 +72,17 @@ def test_methods_agree_on_reversed_motors():
     # Independent formulations of the same forces: round-off only.
     assert spread(compared.forces) < 1e-9
     assert spread(compared.simplified) < 1e-9
+
+
+def test_assembly_modes_take_what_motors_read() -> None:
+    """A chain whose motors count down from a zero elsewhere has the modes of its geometry at the same lengths."""
+    chain = stp.load("stewart")
+    _, told = plain_and_told(0.15)
+    lengths = stp.motor_positions(chain, chain.q_home)
+    right = stp.assembly_modes(chain, lengths, engine="numpy")
+    readings = stp.motor_positions(told, told.q_home)
+    found = stp.assembly_modes(told, readings, engine="numpy")
+    assert len(found) == len(right) > 0
+    np.testing.assert_allclose(np.sort(found.position[:, 2]), np.sort(right.position[:, 2]), atol=1e-9)
+    with pytest.raises(stp.errors.InputError, match=r"from_chain"):
+        stp.leg_lengths(chain, np.array([0, 0, 1.0]), np.eye(3))  # pyright: ignore[reportArgumentType]

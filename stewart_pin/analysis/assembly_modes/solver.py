@@ -22,9 +22,11 @@ from stewart_pin.analysis.assembly_modes.records import AssemblyModes
 from stewart_pin.analysis.assembly_modes.search import Engine, Tracker, search, tracker_for
 from stewart_pin.analysis.assembly_modes.start_systems import StartSystem, start_systems
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, Scaling, StudyPlatform
+from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
-from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
+from stewart_pin.geometry.hexapod import Hexapod, leg_lengths, require_hexapod
 from stewart_pin.geometry.hexapod_pose import as_leg_lengths
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _REAL = 1e-5
@@ -35,15 +37,17 @@ _SEED = 7
 """Of the generic lengths at which `AssemblySolver` prepares a geometry."""
 
 
-def assembly_modes(hexapod: Hexapod, lengths: ArrayLike, *, engine: Engine | None = None) -> AssemblyModes:
+def assembly_modes(
+    hexapod: Hexapod | ClosedChain, lengths: ArrayLike, *, engine: Engine | None = None
+) -> AssemblyModes:
     """Find all poses of a platform that have the given leg lengths.
 
     Parameters
     ----------
     hexapod
-        Geometry.
+        Geometry; or a chain of which motors drive the legs.
     lengths
-        (6,) leg lengths [m].
+        (6,) leg lengths; for a chain what its motors read, wherever they have their zero and sign [m].
     engine
         ``"numba"`` (extra ``compiled``) or ``"numpy"``; None takes numba when it is installed.
 
@@ -60,6 +64,11 @@ def assembly_modes(hexapod: Hexapod, lengths: ArrayLike, *, engine: Engine | Non
     >>> modes.n_complex, modes.complete, bool(modes.certified.all())
     (40, True, True)
     """
+    if isinstance(hexapod, ClosedChain):
+        sign, offset = hexapod.leg_readings
+        lengths = offset + sign * as_array("lengths", lengths, (hexapod.nu,))
+        hexapod = Hexapod.from_chain(hexapod)
+    require_hexapod(hexapod)
     checked = as_leg_lengths(lengths, (6,))
     scaling = Scaling.of(hexapod, checked)
     return _solve(hexapod, checked, scaling, start_systems(), tracker_for(engine))

@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stewart_pin.geometry.hexapod import Hexapod
+from stewart_pin.geometry.hexapod import Hexapod, require_hexapod
 from stewart_pin.typing import FloatArray
 
 ComplexArray = NDArray[np.complexfloating[Any, Any]]
@@ -106,6 +106,7 @@ class Scaling:
         Scaling
             Origins at the ends of leg 1, unit a power of two near the root-mean-square size.
         """
+        require_hexapod(hexapod)
         centres = hexapod.base_points[0], hexapod.platform_points[0]
         mean = hexapod.base_points.var(axis=0).sum() + hexapod.platform_points.var(axis=0).sum()
         if lengths is not None:
