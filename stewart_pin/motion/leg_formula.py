@@ -32,7 +32,7 @@ def leg_formula(chain: ClosedChain) -> tuple[Hexapod, HexapodBodies] | None:
     Returns
     -------
     tuple or None
-        Geometry and bodies for `hexapod_inverse_dynamics`, where that agrees with `inverse_dynamics` on a motion of this
+        Geometry and bodies for `hexapod_inverse_dynamics`, where it agrees with `inverse_dynamics` on a motion of this
         very chain; None where there is no closed form, or it leaves something out.
     """
     if chain.nu != _LEGS:

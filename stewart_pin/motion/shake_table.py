@@ -148,17 +148,29 @@ def _uses(chain: ClosedChain, demand: MotorDemand, margin: float) -> tuple[Bindi
     lower = model.lowerPositionLimit[chain.motor_q_index]
     upper = model.upperPositionLimit[chain.motor_q_index]
     found: list[Binding] = []
-    if np.isfinite(lower).all() and np.isfinite(upper).all():
-        middle, half = (lower + upper) / 2, free * (upper - lower) / 2
+    # A limit that one motor lacks leaves those of the others in force; a stroke with one end counts from there, by the
+    # size of the robot.
+    size = chain.length_scale
+    low, high = (
+        np.where(np.isfinite(lower), lower, upper - size),
+        np.where(np.isfinite(upper), upper, lower + size),
+    )
+    known = np.isfinite(low) & np.isfinite(high)
+    if known.any():
+        middle = np.where(known, (low + high) / 2, 0.0)
+        half = np.where(known, free * (high - low) / 2, 1.0)
         off = demand.positions - middle
+        above, below = known & np.isfinite(upper), known & np.isfinite(lower)
+        use = np.maximum(np.where(above, off / half, 0.0), np.where(below, -off / half, 0.0))
         allowed = middle + np.sign(off) * half
-        found.append(_most_used(chain, "stroke", demand.time, np.abs(off) / half, demand.positions, allowed))
+        found.append(_most_used(chain, "stroke", demand.time, use, demand.positions, allowed))
     for name, limit, values in (
         ("rate", model.velocityLimit[chain.motor_index], demand.rates),
         ("effort", model.effortLimit[chain.motor_index], demand.efforts),
     ):
-        if np.isfinite(limit).all() and (limit > 0).all():
-            allowed = free * np.broadcast_to(limit, values.shape)
+        stated = np.isfinite(limit) & (limit > 0)
+        if stated.any():
+            allowed = np.broadcast_to(np.where(stated, free * limit, np.inf), values.shape)
             found.append(
                 _most_used(chain, name, demand.time, np.abs(values) / allowed, np.abs(values), allowed)
             )

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import ClosureError
+from stewart_pin.motion.leg_formula import leg_formula
 from stewart_pin.motion.motor_demand import _state_by_state
 from tests.closed_states import close, robot
 
@@ -92,3 +95,53 @@ def test_kernels_leave_errors_to_the_careful_verbs() -> None:
     far = stp.sinusoidal_motion([0.0, 0.1], home=pin.SE3(np.eye(3), np.array([5.0, 0.0, 1.0])))
     with pytest.raises(ClosureError):
         stp.motor_demand(chain, far, kernels=True)
+
+
+def test_a_limit_that_one_motor_lacks_leaves_the_others_in_force() -> None:
+    chain = stp.load("stewart")  # its own: the model is changed
+    shake = shaking(chain, 0.05, 40.0)
+    chain.model.velocityLimit[chain.motor_index] = 1e3
+    full = stp.fit_to_limits(chain, shake)
+    assert full.binding is not None and full.binding.limit == "effort" and full.scale < 1
+    idle = int(np.argmin(np.abs(full.demand.efforts).max(axis=0)))  # one that does not bind
+    chain.model.effortLimit[chain.motor_index[idle]] = np.inf
+    assert stp.fit_to_limits(chain, shake).scale == pytest.approx(full.scale, rel=1e-5)
+    # A stroke with one end: the other motors keep both, this one its upper end.
+    reach = shaking(chain, 0.6, 0.25)
+    at = chain.motor_q_index[idle]
+    both = stp.fit_to_limits(chain, reach)
+    chain.model.lowerPositionLimit[at] = -np.inf
+    assert stp.fit_to_limits(chain, reach).scale == pytest.approx(both.scale, rel=1e-5)
+
+
+def test_a_limit_of_zero_is_none(tmp_path) -> None:
+    """What exporters write for what they were not told."""
+    chain = stp.load("stewart")
+    stp.write_urdf(chain, tmp_path / "zero.urdf")
+    text = (tmp_path / "zero.urdf").read_text()
+    told = re.sub(r'(effort|velocity)="[0-9.e+]+"', r'\1="0"', text)
+    assert told != text
+    (tmp_path / "zero.urdf").write_text(told)
+    zero = stp.load(tmp_path / "zero.urdf")
+    assert np.isinf(zero.model.effortLimit[zero.motor_index]).all()
+    assert np.isinf(zero.model.velocityLimit[zero.motor_index]).all()
+    assert "0: taken for not stated" in str(zero.report)
+    rest, q = np.zeros(zero.nv), zero.q_home
+    run = stp.simulate(zero, q, rest, stp.GravityCompensation(zero), duration=0.05)
+    np.testing.assert_allclose(run.q[-1], q, atol=1e-9)
+
+
+def test_closed_forms_are_taken_only_where_they_agree() -> None:
+    """Legs that are not round, on balls, have none: they are answered state by state."""
+    chain = stp.load("stewart")
+    assert leg_formula(chain) is not None
+    lopsided = stp.replace_inertias(
+        stp.load("stewart_sps"),
+        {"leg1_upper": pin.Inertia(2.0, np.array([0.02, 0.0, -0.2]), np.diag([0.1, 0.1, 0.01]))},
+    )
+    assert leg_formula(lopsided) is None
+    still = shaking(lopsided, 0.0, 1.0)(1.0)
+    few = stp.PlatformSamples(*(getattr(still, name)[:2] for name in vars(still)))
+    found = stp.motor_demand(lopsided, few, kernels=False)
+    at = stp.platform_motion(lopsided, few.pose(0), np.zeros(6), np.zeros(6))
+    np.testing.assert_allclose(found.efforts[0], stp.inverse_dynamics(at).tau_motor, rtol=1e-8)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError, UnsupportedError
@@ -27,10 +26,9 @@ from stewart_pin.kernels.verbs.configurations import (
 )
 from stewart_pin.kernels.verbs.judges import POOR, judged
 from stewart_pin.kernels.verbs.newton import NewtonSteps, OneSearch, Plans, Solved, straight
+from stewart_pin.kernels.verbs.other_pivots import OtherPivots
 from stewart_pin.kernels.verbs.searching import SearchingState
-from stewart_pin.state.generic import regularity
-from stewart_pin.state.newton import close_loops
-from stewart_pin.typing import ArrayLike, Configuration, FloatArray
+from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:
     from stewart_pin.kernels.graph.function_set import FunctionSet
@@ -60,10 +58,6 @@ class Places:
 
 _GIVEN = {"platform": "pose", "tree": "q"}
 """What kernels take as it is given, by coordinates; motor positions are never enough."""
-_MOST_PLANS, _LOOKED_AT = 8, 8
-"""Choices of pivots besides the usual one, and states that are looked at for another."""
-_BESIDE, _REGULAR = 1e-3, 1e-2
-"""How far a state that is looked at may be from closed loops, and the share of the usual regularity it must have."""
 _TWICE = 1e3
 """Share of the digits that are lost twice, see `lost_twice`."""
 _SEARCHES = {"pose": "forward_kinematics", "q": "closing"}
@@ -97,7 +91,7 @@ class Caller:
         self._kernels: dict[tuple[str, bool, bool], ArrayKernel] = {}
         self._measures: dict[str, Any] = {}
         self._starts: dict[str, Starts] = {}
-        self._others: list[Caller] = []
+        self._others: OtherPivots[Caller] = OtherPivots(functions, lambda f: type(self)(f, dtype, engine))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -281,15 +275,13 @@ class Caller:
         rows = np.flatnonzero(~solved.kept & np.isfinite(np.asarray(inputs[0])).all(axis=1))
         if not len(rows):
             return solved
-        if not self._others:
-            self._others.append(
-                type(self)(self._functions.around(self.chain.q_home), self._dtype, self._engine)
-            )
         taken = [np.asarray(x)[rows] if np.ndim(x) > 1 else np.asarray(x) for x in inputs]
         status = np.zeros(len(rows), dtype=np.int8)
         graded: Any = np.zeros(len(rows), dtype=self._dtype)
         conditioning: FloatArray | None = None if places.conditioning is None else graded
-        found = self._others[0]._call(name, tuple(taken), Places(None, status, conditioning, places.threads))
+        found = self._others.at_home()._call(
+            name, tuple(taken), Places(None, status, conditioning, places.threads)
+        )
         for value, new in zip(values, found if isinstance(found, tuple) else (found,), strict=False):
             value[rows] = new
         if conditioning is not None and places.conditioning is not None:
@@ -324,7 +316,7 @@ class Caller:
         best, best_codes, known = self._best(name, taken, None, 0, places.threads)
         while True:
             poor = np.flatnonzero(~(best[-1][:, 0] >= POOR))
-            if not len(poor) or not self._plan_around_one_of(taken[0][poor]):
+            if not len(poor) or not self._others.around_one_of(taken[0][poor]):
                 break
             best, best_codes, known = self._best(name, taken, (best, best_codes), known, places.threads)
         codes[rows] = best_codes
@@ -447,35 +439,8 @@ class Caller:
         if equations == "forward_kinematics" or not self._functions.replanned:
             return Plans(lambda: [self._steps(equations)])
         return Plans(
-            lambda: [one._steps(equations) for one in (self, *self._others)], self._plan_around_one_of
+            lambda: [one._steps(equations) for one in (self, *self._others)], self._others.around_one_of
         )
-
-    def _plan_around_one_of(self, states: FloatArray) -> bool:
-        """Choose other pivots, for one of (k, nq) configurations at which the chain itself is regular."""
-        if len(self._others) >= _MOST_PLANS:
-            return False
-        for k in np.unique(np.linspace(0, len(states) - 1, _LOOKED_AT).astype(int)):
-            state = self._regular(states[k])
-            if state is None:
-                continue
-            try:
-                functions = self._functions.around(state)
-            except UnsupportedError:
-                continue
-            self._others.append(type(self)(functions, self._dtype, self._engine))
-            return True
-        return False
-
-    def _regular(self, q: FloatArray) -> Configuration | None:
-        """Close the loops of a configuration, if that leads to a regular one beside it."""
-        chain = self.chain
-        if not np.isfinite(q).all():
-            return None
-        q = pin.normalize(chain.model, np.array(q, dtype=float))
-        closure = close_loops(chain, q, throw=False)
-        moved = np.abs(pin.difference(chain.model, q, closure.q) / chain.tangent_scale).max(initial=0.0)
-        good = closure.success and moved < _BESIDE and regularity(closure.state) >= _REGULAR
-        return closure.q if good else None
 
     def _takes_state(self, kernel: ArrayKernel) -> bool:
         """Whether a kernel takes what its verb is given, and no configuration that must be found first."""

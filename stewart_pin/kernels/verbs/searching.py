@@ -138,7 +138,7 @@ def _forward_kinematics(caller: Caller) -> Quick:
         search = caller.search("pose", "forward_kinematics")
 
         def by_legs(q_motor: FloatArray, guess: FloatArray) -> tuple[FloatArray, ...] | None:
-            pose = search(q_motor, normalised(guess[None])[0])
+            pose = search(q_motor, guess)
             return None if pose is None else (pose,)
 
         return by_legs

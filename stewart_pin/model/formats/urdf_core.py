@@ -195,6 +195,11 @@ def _limits(reader: UrdfElements, joint: etree._Element, owner: str, written: st
             "<limit> without lower or upper: no such limit, where other readers assume 0",
             Outcome.KEPT,
         )
+    empty = [key for key in ("effort", "velocity") if limits.get(key) == 0.0]
+    if empty:
+        # What exporters write for what they were not told; a joint that may do nothing would be fixed.
+        reader.note(owner, f"<limit {', '.join(empty)}> of 0: taken for not stated", Outcome.CHANGED)
+        limits = {key: value for key, value in limits.items() if key not in empty}
     return {
         key: float(np.copysign(np.inf, value)) if abs(value) >= UNLIMITED else value
         for key, value in limits.items()
