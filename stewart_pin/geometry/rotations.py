@@ -9,6 +9,7 @@ from stewart_pin.checks import as_batch
 from stewart_pin.errors import InputError
 from stewart_pin.typing import ArrayLike, FloatArray
 
+_IDENTITY = np.eye(3)
 _ORTHOGONALITY = 1e-8
 """Largest entry of RᵀR - 1 that still counts as round-off of a rotation built in double precision."""
 
@@ -101,7 +102,7 @@ def as_rotation(name: str, value: ArrayLike) -> FloatArray:
         If the shape is wrong, or a matrix is not orthogonal with determinant +1.
     """
     rotation = as_batch(name, value, (3, 3))
-    error = np.abs(np.swapaxes(rotation, -1, -2) @ rotation - np.eye(3)).max(initial=0.0)
+    error = np.abs(rotation.swapaxes(-1, -2) @ rotation - _IDENTITY).max(initial=0.0)
     if error > _ORTHOGONALITY:
         raise InputError(f"{name} must hold rotation matrices; RᵀR differs from the identity by {error:.2g}")
     if (np.linalg.det(rotation) < 0).any():

@@ -15,7 +15,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
@@ -39,6 +39,8 @@ _SHORTEST = 1e-5
 _Side = tuple[FloatArray, ...] | None
 """A square matrix of loops and demand with its factors; or the demand's share in a basis of motions, and the basis.
 None where nothing is asked for."""
+_LITTLE = 0.7
+"""Relative change of the matrix by the first step of a stretch with which the next, by a third more, stay below 1."""
 _ON_THE_WAY = 1e-8
 """Largest residual at the end of a stretch that is not the last, in natural units."""
 _STANDS_STILL = 1e-9
@@ -135,18 +137,20 @@ def pose_path(start: State, target: pin.SE3, axes: Sequence[str] = TWIST_AXES) -
     kept = slice(None) if every else np.flatnonzero(counted(axes))
     sizes = chain.twist_sizes[kept]
     screw: list[pin.Motion] = []  # of the whole path, found where a part of it is asked for
+    last = target.translation, target.rotation.T
 
     def residual(state: State, share: float) -> FloatArray:
-        goal = target
+        place, unturned = last
         if share < 1.0:  # the end of the path is the pose itself, not its logarithm's exponential
             if not screw:
                 screw.append(pin.log6(begin.actInv(target)))
             goal = begin * pin.exp6(share * screw[0])
+            place, unturned = goal.translation, goal.rotation.T
         here = state.pose
         error = np.empty(6)
-        error[:3] = here.translation - goal.translation
-        error[3:] = pin.log3(here.rotation @ goal.rotation.T)
-        return error[kept] / sizes
+        np.subtract(here.translation, place, out=error[:3])
+        error[3:] = pin.log3(here.rotation @ unturned)
+        return (error if every else error[kept]) / sizes
 
     def rows(state: State) -> FloatArray:
         # d log3(R R_targetᵀ) = ω up to the error itself.
@@ -200,7 +204,7 @@ def follow_path(start: State, path: Path) -> Closure:
         the chain comes nearest.
     """
     state, share, stretch, iterations = start, 0.0, 1.0, 0
-    system = path.system(start.chain)
+    system, residual = path.system(start.chain), np.zeros(0)
     while share < 1.0:
         end = min(1.0, share + stretch)
         found = _stretch(state, path, end)
@@ -210,9 +214,8 @@ def follow_path(start: State, path: Path) -> Closure:
             if stretch < _SHORTEST:
                 return _lost(start, state, share, path, system, iterations)
             continue
-        state, share = found.state, end
+        state, share, residual = found.state, end, found.residual
         stretch *= 2
-    residual = path.residuals(state, 1.0)
     closure = judged(state, residual, system, iterations)
     if not closure.success and _largest(residual) < _ON_THE_WAY:
         # Beside a singularity plain steps lose digits that damped ones keep.
@@ -223,10 +226,11 @@ def follow_path(start: State, path: Path) -> Closure:
 
 @dataclass(frozen=True, eq=False)
 class _Stretch:
-    """Where a stretch of a path leads; without a state it has to be shortened by a factor."""
+    """Where a stretch of a path leads, and the residual there; without a state it has to be shortened by a factor."""
 
-    state: State | None
     steps: int
+    state: State | None = None
+    residual: FloatArray = field(default_factory=lambda: np.zeros(0))
     shorten: float = 0.5
 
 
@@ -237,34 +241,37 @@ def _stretch(begin: State, path: Path, share: float) -> _Stretch:
     angles = begin.chain.angle_mask
     before, worst = 0.0, _largest(residual)
     first: _Side = None
+    turned = np.inf
     for count in range(_MAX_STEPS):
         if worst <= goal:
-            return _Stretch(state, count)
+            return _Stretch(count, state, residual)
         step, side = _newton_step(state, path, residual)
         if step is None:
-            return _Stretch(None, count)
+            return _Stretch(count)
         # Where two branches nearly meet, straight on leads to the other one.
         first = side if count == 0 else first
-        if count and not _same_side(first, side, path.rank):
-            return _Stretch(None, count)
+        # Steps that shrink to a quarter each add at most a third to what the matrix has changed by the first of them.
+        if count and turned > _LITTLE:
+            turned = _change(first, side, path.rank)
+            if turned >= 1.0:
+                return _Stretch(count)
         size = float(np.sqrt(step @ step))
         if count == 0:
             turn = _largest(step[angles])
             if turn > _TURN:
-                return _Stretch(None, count, shorten=max(0.1, 0.9 * _TURN / turn))
+                return _Stretch(count, shorten=max(0.1, 0.9 * _TURN / turn))
         elif size > _CONTRACTION * before:
             if worst <= max(CLOSED, state.round_off):  # round-off does not contract
-                return _Stretch(state, count)
-            return _Stretch(None, count, shorten=_shortening(size / before))
+                return _Stretch(count, state, residual)
+            return _Stretch(count, shorten=_shortening(size / before))
         following = displaced(state, step)
-        residual, last = path.residuals(following, share), worst
-        worst = _largest(residual)
+        left = path.residuals(following, share)
+        worst, last = _largest(left), worst
         if worst > last / 2 and (size < _STANDS_STILL or last <= max(CLOSED, state.round_off)):
-            return _Stretch(state if worst >= last else following, count)
-        state, before = following, size
-    return (
-        _Stretch(state, _MAX_STEPS) if worst <= max(CLOSED, state.round_off) else _Stretch(None, _MAX_STEPS)
-    )
+            return _Stretch(count, state, residual) if worst >= last else _Stretch(count, following, left)
+        state, residual, before = following, left, size
+    closed = worst <= max(CLOSED, state.round_off)
+    return _Stretch(_MAX_STEPS, state, residual) if closed else _Stretch(_MAX_STEPS)
 
 
 def _shortening(contraction: float) -> float:
@@ -295,10 +302,10 @@ def _newton_step(state: State, path: Path, residual: FloatArray) -> tuple[Tangen
     return step, (driven, motions.basis)
 
 
-def _same_side(first: _Side, last: _Side, rank: int) -> bool:
-    """Whether no singularity lies between two states that are near each other."""
+def _change(first: _Side, last: _Side, rank: int) -> float:
+    """Largest relative change of a matrix between two states near each other; ≥ 1 if a singularity lies between."""
     if first is None or last is None or not first[0].size:
-        return True
+        return 0.0
     if len(first) == 3:
         change = _getrs(first[1], first[2], last[0])[0]
     else:  # the bases are each turned as they like; idle motions have no share, and surplus rows no motion
@@ -307,10 +314,13 @@ def _same_side(first: _Side, last: _Side, rank: int) -> bool:
         change = (u.T @ last[0] @ (last[1].T @ first[1]) @ vt.T) / s
     # The change of the matrix is the identity where nothing moves. An eigenvalue that has gone through zero stands for
     # a singularity; two at once would leave the sign of the determinant.
-    beside = change - np.eye(len(change))
-    if np.einsum("ij,ij", beside, beside) < 1.0:
-        return True
-    return bool((np.linalg.eigvals(change).real > 0.0).all())
+    beside = change.ravel(order="K")  # no copy
+    beside[:: len(change) + 1] -= 1.0
+    norm = float(np.sqrt(beside @ beside))
+    if norm < 1.0:
+        return norm
+    beside[:: len(change) + 1] += 1.0
+    return 0.99 if (np.linalg.eigvals(change).real > 0.0).all() else np.inf
 
 
 def _lost(start: State, state: State, share: float, path: Path, system: System, iterations: int) -> Closure:
