@@ -78,6 +78,7 @@ class Plant:
         self._data = pin.Data(self.model)
         self._scale, self._sizes = chain.tangent_scale, chain.row_sizes
         self._tau = np.zeros(chain.nv)
+        self._bodies, self._rotors = _without_rotors(self.chain.mass_model)
         self.rows = np.arange(chain.nc)
         self._candidates = kernels
         self._prepare(q, v, own_rotors=self.chain is not chain)
@@ -339,11 +340,10 @@ class Plant:
         kinetic, potential : float
             [J].
         """
-        model, unit = self.chain.mass_model, self.chain.mass_unit
-        # By the inertia matrix, which has the rotors: Pinocchio's kinetic energy leaves those of some joints out.
-        upper = np.triu(pin.crba(model, self._data, q))
-        kinetic = v @ (upper @ v) - upper.diagonal() @ (v * v) / 2
-        potential = pin.computePotentialEnergy(model, self._data, q)
+        unit, data = self.chain.mass_unit, self._data
+        # Rotors by themselves: Pinocchio's kinetic energy has those of some kinds of joints only.
+        kinetic = pin.computeKineticEnergy(self._bodies, data, q, v) + self._rotors @ (v * v) / 2
+        potential = pin.computePotentialEnergy(self._bodies, data)
         return float(unit * kinetic), float(unit * potential)
 
     @property
@@ -351,6 +351,13 @@ class Plant:
         """Weight of the robot times its size [J]."""
         mass = self.chain.mass_unit * pin.computeTotalMass(self.chain.mass_model)
         return float(mass * np.linalg.norm(self.model.gravity.linear) * self.chain.length_scale)
+
+
+def _without_rotors(model: pin.Model) -> tuple[pin.Model, FloatArray]:
+    """Tree of bodies alone, and the (nv,) inertias of the rotors."""
+    bodies, rotors = model.copy(), np.array(model.armature)
+    bodies.armature = np.zeros(model.nv)
+    return bodies, rotors
 
 
 def _with_motor_inertia(chain: ClosedChain, inertia: FloatArray) -> ClosedChain:

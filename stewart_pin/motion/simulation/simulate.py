@@ -21,6 +21,7 @@ from stewart_pin.motion.simulation.drive import (
     Sampled,
 )
 from stewart_pin.motion.simulation.events import KINDS, Event, Watcher
+from stewart_pin.motion.simulation.flow import Flow
 from stewart_pin.motion.simulation.motors import MotorBank, Motors
 from stewart_pin.motion.simulation.nearness import LoopNearness
 from stewart_pin.motion.simulation.plant import Plant
@@ -35,7 +36,7 @@ from stewart_pin.motion.simulation.steppers import Phase, RungeKuttaStepper
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.state.state import State
 from stewart_pin.tolerances import EPS
-from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
+from stewart_pin.typing import ArrayLike, Configuration, Tangent
 
 _FEW_RECORDS = 10_000
 """Instants recorded when no rate is asked for."""
@@ -244,18 +245,7 @@ def _run(
     loops = LoopNearness(plant.chain, options.singular)
     memory, pending = state.memory, list[Event]()
     account = EnergyAccount(plant.weight_by_size, None if memory is None else memory.account)
-    motor_q, motor_v = chain.motor_q_index, chain.motor_index
-
-    def rates(t: float, q: Configuration, v: Tangent, x: FloatArray) -> tuple[Tangent, FloatArray]:
-        if not math.isfinite(v @ v):
-            raise ConvergenceError("the velocity grows beyond all numbers", residual=math.inf)
-        controller_state, rate = x[2:], v[motor_v]
-        given = bank.delivered(drive.effort(t, q, v, controller_state), rate)
-        loss, heat = bank.losses(q[motor_q], rate)
-        x_rate = np.empty(x.size)
-        x_rate[0], x_rate[1] = given @ rate, heat
-        x_rate[2:] = drive.state_rate(t, q, v, controller_state)
-        return plant.acceleration(q, v, given + loss), x_rate
+    motor_q, flow = chain.motor_q_index, Flow(drive, bank, plant)
 
     def passed(t: float, h: float, before: Phase, after: Phase) -> None:
         near = loops.passed(h, before.q, before.v, after.q)
@@ -263,9 +253,9 @@ def _run(
             pending.append(watcher.note(Event(t, "singularity", near[1], near[0], loops.limit)))
 
     if options.method == "fixed":
-        stepper = RungeKuttaStepper(plant, rates, passed)
+        stepper = RungeKuttaStepper(plant, flow.rates, passed)
     else:
-        stepper = ChartStepper(plant, rates, options.method, options.rtol, options.atol, passed)
+        stepper = ChartStepper(plant, flow.rates, options.method, options.rtol, options.atol, passed)
     if memory is not None:
         plant.recall(memory.plant)
         watcher.memory, loops.memory = memory.watcher, memory.loops
@@ -273,8 +263,8 @@ def _run(
 
     def record(t: float, phase: Phase) -> str:
         """Record an instant, and say what is wrong with its energy."""
-        a, _ = rates(t, phase.q, phase.v, phase.x)
-        given = bank.delivered(drive.effort(t, phase.q, phase.v, phase.x[2:]), phase.v[motor_v])
+        here = t, phase.q, phase.v, phase.x
+        a, given = flow.rates(*here)[0], flow.delivered(*here)
         kinetic, potential = plant.energy(phase.q, phase.v)
         potential += bank.stored(phase.q[motor_q])
         numbers = (kinetic + potential, phase.x[0], phase.x[1], phase.gap)
@@ -294,9 +284,10 @@ def _run(
 
     def events(k: int, phase: Phase) -> list[Event]:
         t = state.origin + k * dt
-        found = watcher.limits(t, phase.q, phase.v, drive.effort(t, phase.q, phase.v, phase.x[2:]))
+        found = watcher.limits(t, phase.q, phase.v, flow.command(t, phase.q, phase.v, phase.x))
         if k % watch == 0:
             plant.watch(phase.q, phase.v)
+            flow.forget()
             found += watcher.singularity(t, phase.q)
         found += pending
         pending.clear()

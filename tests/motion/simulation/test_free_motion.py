@@ -252,3 +252,19 @@ def test_an_arm_needs_no_projection() -> None:
     fall = stp.simulate(chain, chain.q_home, np.zeros(chain.nv), duration=0.02, kernels=True)
     same = stp.simulate(chain, chain.q_home, np.zeros(chain.nv), duration=0.02, kernels=False)
     np.testing.assert_allclose(fall.q[-1], same.q[-1], atol=1e-13)
+
+
+@pytest.mark.parametrize("record_rate", [None, 250.0])
+def test_controllers_are_asked_four_times_a_step(record_rate: float | None) -> None:
+    """The instants that are recorded and judged are those where steps begin."""
+    chain, asked = robot("four_bar"), list[float]()
+
+    def push(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        asked.append(t)
+        return np.zeros(1)
+
+    run = stp.simulate(
+        chain, chain.q_home, np.zeros(chain.nv), push, duration=0.1, dt=1e-3, record_rate=record_rate
+    )
+    watched = 0.1 * 50  # states where ways of computing are chosen anew
+    assert run.success and 4 * 100 < len(asked) <= 4 * 100 + 1 + watched
