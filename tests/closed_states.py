@@ -6,11 +6,13 @@ accelerations are random motions that keep them closed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
+import pytest
 
 import stewart_pin as stp
 from stewart_pin.model.description import LOOP_KINDS, JointKind
@@ -19,9 +21,16 @@ from tests.zoo.table import ROWS, zoo_chain
 
 KINDS = (*(str(kind) for kind in LOOP_KINDS), "gear_train")
 """A mechanism per kind of closure, its frames and axes in general position; named after the kind."""
+FEW = ("stewart", "delta", "five_bar", "four_bar", "rpr_planar")
+"""Bundled robots that stand for the others where a check takes long: hexapod, rods, planar, one motor, serial legs."""
 POSES = ("home", "generic", "symmetric", "near_singular")
 _NEAR = 2e-3
 """Smallest singular value, in robot sizes, at which the walk towards a singularity stops."""
+
+
+def slow_but_for_few(names: Iterable[str]) -> list[Any]:
+    """Parameters of a test: names, those beside `FEW` marked as slow."""
+    return [name if name in FEW else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
 @cache

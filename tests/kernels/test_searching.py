@@ -16,6 +16,12 @@ from tests.closed_states import random_configuration, random_motion, robot
 
 pytest.importorskip("llvmlite")
 ROBOTS = ("stewart", "delta", "five_bar", "four_bar", "rpr_planar")
+CASES = [
+    pytest.param(name, coordinates, marks=pytest.mark.slow if name in ("delta", "rpr_planar") or own else ())
+    for name in ROBOTS
+    for coordinates in ("platform", "motor", "tree")
+    for own in [name == "stewart" and coordinates == "tree"]  # nothing is looked for
+]
 VERBS = (
     "inverse_dynamics",
     "forward_dynamics",
@@ -63,8 +69,7 @@ def arguments(verb: str, given: tuple[np.ndarray, ...]) -> tuple[np.ndarray, ...
 
 
 @pytest.mark.parametrize("verb", VERBS)
-@pytest.mark.parametrize("coordinates", ["platform", "motor", "tree"])
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize(("name", "coordinates"), CASES)
 def test_as_the_verb_for_arrays(name: str, coordinates: str, verb: str, rng: np.random.Generator) -> None:
     if verb.endswith("_geometry") and name not in ("five_bar", "four_bar"):
         pytest.skip("all parameters of larger robots take minutes to compile")

@@ -13,7 +13,14 @@ import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import ActuationError, UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Link
-from tests.closed_states import close, conditioning, random_configuration, random_motion, robot
+from tests.closed_states import (
+    close,
+    conditioning,
+    random_configuration,
+    random_motion,
+    robot,
+    slow_but_for_few,
+)
 
 AWAY = (1.0, 100.0, 1000.0)
 DIRECTION = np.array([2.0, -2.0, 1.0]) / 3.0
@@ -101,8 +108,11 @@ def test_solvers_go_to_the_same_place(name: str, away: float, rng: np.random.Gen
     close(back[1].q, back[0].q, max(1e-7, 10 * near))
 
 
-@pytest.mark.parametrize("away", AWAY)
+@pytest.mark.parametrize(
+    "away", [away if away == 100.0 else pytest.param(away, marks=pytest.mark.slow) for away in AWAY]
+)
 @pytest.mark.parametrize("coordinates", COORDINATES)
+@pytest.mark.parametrize("name", slow_but_for_few(stp.robots()))
 def test_kernels(name: str, coordinates: str, away: float, rng: np.random.Generator) -> None:
     here, there = robot(name), aside(name, away)
     q, v, a = state_of(name, rng)

@@ -10,7 +10,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import UnsupportedError
-from tests.closed_states import close, random_configuration, random_motion, robot
+from tests.closed_states import close, random_configuration, random_motion, robot, slow_but_for_few
 
 AGREE = {2.0**-60: 1e-15, 1e-18: 1e-10}
 """Powers of two cost no digits at all: every bit is the same; others cost round-off, as law 5."""
@@ -64,7 +64,7 @@ def answers(chain: stp.ClosedChain, share: float, rng: np.random.Generator) -> d
 
 
 @pytest.mark.parametrize("share", AGREE)
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", slow_but_for_few(stp.robots()))
 def test_efforts_are_in_proportion_to_masses(name: str, share: float) -> None:
     usual = answers(robot(name), 1.0, np.random.default_rng(5))
     micro = answers(light(name, share), share, np.random.default_rng(5))

@@ -12,7 +12,15 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import UnsupportedError
-from tests.closed_states import KINDS, close, derivative, random_configuration, random_motion, robot
+from tests.closed_states import (
+    KINDS,
+    close,
+    derivative,
+    random_configuration,
+    random_motion,
+    robot,
+    slow_but_for_few,
+)
 
 AGREE = 1e-10
 """Relative; as law 5 without rotors, of which these are a part."""
@@ -94,7 +102,9 @@ def test_articulated_bodies_agree(chain: stp.ClosedChain, rng: np.random.Generat
 
 
 @pytest.mark.parametrize("coordinates", ["tree", "motor", "platform"])
-def test_kernels_agree(chain: stp.ClosedChain, rng: np.random.Generator, coordinates: str) -> None:
+@pytest.mark.parametrize("name", [*slow_but_for_few(stp.robots()), *KINDS])
+def test_kernels_agree(name: str, rng: np.random.Generator, coordinates: str) -> None:
+    chain = turning(name)
     held(chain)
     if (chain.name, coordinates) == ("arm_3r_planar", "platform"):
         pytest.skip("its home is stretched: a pose beside it does not tell on which side the elbow is")
