@@ -15,6 +15,7 @@ from math import inf
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.model.shapes import Shape
 from stewart_pin.typing import FloatArray
 
 
@@ -59,10 +60,14 @@ class Link:
         Unique name.
     inertia
         Mass [kg], centre of mass [m] and inertia about it [kg m²] in the link frame; None: the link is no body.
+    visuals, collisions
+        Shapes for viewers and for collision checkers; no equation of motion depends on them.
     """
 
     name: str
     inertia: pin.Inertia | None = None
+    visuals: tuple[Shape, ...] = ()
+    collisions: tuple[Shape, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

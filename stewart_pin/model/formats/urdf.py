@@ -14,6 +14,7 @@ from lxml import etree
 
 from stewart_pin.model.description import Mechanism
 from stewart_pin.model.formats.dialect import Parts, add_parts, claimed_tags, dialects, found_notes
+from stewart_pin.model.formats.foreign_tags import reason_to_ignore
 from stewart_pin.model.formats.named_motors import choose_motors
 from stewart_pin.model.formats.side_cars import add_side_car, find_beside
 from stewart_pin.model.formats.urdf_core import (
@@ -22,9 +23,11 @@ from stewart_pin.model.formats.urdf_core import (
     read_home,
     read_joint,
     read_link,
+    read_odd_inertias,
     read_platform,
 )
 from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.formats.urdf_shapes import SHAPE_TAGS, is_used
 from stewart_pin.model.formats.xml import shown_tag
 from stewart_pin.model.spanning_tree import cut_second_parents
 
@@ -81,11 +84,15 @@ class _UrdfReader(UrdfElements):
             tag = shown_tag(element)
             if tag == "link":
                 found.append(_Found(read_link(self, element)))
-                found.extend(self._inner(element, ("inertial",)))
+                found.extend(self._inner(element, ("inertial", *SHAPE_TAGS)))
             elif tag == "joint":
                 found.append(_Found(read_joint(self, element)))
                 found.extend(self._inner(element, joint_tags(element)))
-            elif tag not in ("group_state", "end_effector", "gravity"):
+            elif tag == "material" and is_used(self, element):
+                reason_to_ignore(
+                    self, element, "the file"
+                )  # read with the shapes; stops at what could close a loop
+            elif tag not in ("group_state", "end_effector", "gravity", "odd_inertia"):
                 found.extend(self._in_a_dialect(element, "the file"))
         parts = [each.parts for each in found]
         links = tuple(link for part in parts for link in part.links)
@@ -99,6 +106,7 @@ class _UrdfReader(UrdfElements):
             home=read_home(self),
             source=self.path,
             gravity=read_gravity(self),
+            odd_inertias=read_odd_inertias(self, links),
             notes=(*self.notes, *(note for part in parts for note in part.notes)),
         )
         for each in found:

@@ -20,6 +20,7 @@ from lxml import etree
 from stewart_pin.model.description import Joint, JointKind, Link, Outcome
 from stewart_pin.model.formats.dialect import Parts
 from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES, UrdfElements
+from stewart_pin.model.formats.urdf_shapes import SHAPE_TAGS, read_shapes
 from stewart_pin.model.formats.xml import UNLIMITED
 from stewart_pin.model.unfolding import Unfolded, unfold_cylindrical, unfold_planar, unfold_universal
 from stewart_pin.typing import FloatArray
@@ -42,7 +43,7 @@ _UNFOLDED = (JointKind.PLANAR, JointKind.CYLINDRICAL, JointKind.UNIVERSAL)
 
 
 def read_link(reader: UrdfElements, element: etree._Element) -> Parts:
-    """Read a ``<link>`` with its ``<inertial>``.
+    """Read a ``<link>`` with its ``<inertial>`` and its shapes.
 
     Parameters
     ----------
@@ -61,7 +62,8 @@ def read_link(reader: UrdfElements, element: etree._Element) -> Parts:
     reader.ignore_attributes(element, owner, ("name", "type"))
     inertial = reader.optional(element, "inertial", owner)
     inertia = None if inertial is None else _inertia(reader, inertial, owner)
-    return Parts(links=(Link(name, inertia),))
+    visuals, collisions = (read_shapes(reader, element, tag, owner) for tag in SHAPE_TAGS)
+    return Parts(links=(Link(name, inertia, visuals, collisions),))
 
 
 def _inertia(reader: UrdfElements, inertial: etree._Element, owner: str) -> pin.Inertia:
@@ -284,3 +286,34 @@ def read_gravity(reader: UrdfElements) -> tuple[float, float, float] | None:
     reader.only(element, "<gravity>", ("xyz",))
     x, y, z = map(float, reader.numbers(element, "xyz", 3, "<gravity>"))
     return x, y, z
+
+
+def read_odd_inertias(reader: UrdfElements, links: tuple[Link, ...]) -> frozenset[str]:
+    """Read which links keep an inertia that no real body has, as `save` notes them.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+    links
+        Links of the file.
+
+    Returns
+    -------
+    frozenset of str
+        Their names.
+    """
+    odd: set[str] = set()
+    for element in reader.root.findall("odd_inertia"):
+        name = reader.text(element, "link", "<odd_inertia>")
+        reader.only(element, "<odd_inertia>", ("link",))
+        if name not in [link.name for link in links]:
+            raise reader.error(
+                f"<odd_inertia> (line {element.sourceline}) names the missing link '{name}'; correct the name",
+                name,
+            )
+        reader.note(
+            f"link '{name}'", "<odd_inertia>: its inertia is kept, which no real body has", Outcome.KEPT
+        )
+        odd.add(name)
+    return frozenset(odd)

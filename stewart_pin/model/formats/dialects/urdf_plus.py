@@ -24,11 +24,20 @@ from pathlib import Path
 from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import AXIS_FREE_LOOPS, LOOP_KINDS, Coupling, JointKind, Loop, Mechanism
+from stewart_pin.model.description import (
+    AXIS_FREE_LOOPS,
+    LOOP_KINDS,
+    Coupling,
+    JointKind,
+    Loop,
+    Mechanism,
+    Note,
+)
 from stewart_pin.model.formats.dialect import Dialect, Parts
 from stewart_pin.model.formats.frames import upward
 from stewart_pin.model.formats.urdf_elements import UrdfElements
-from stewart_pin.model.formats.urdf_writer import save, tree_element, write_origin
+from stewart_pin.model.formats.urdf_placements import write_origin
+from stewart_pin.model.formats.urdf_writer import save, tree_element
 from stewart_pin.model.formats.xml import number_text
 
 
@@ -139,7 +148,7 @@ def _read_polynomial(reader: UrdfElements, element: etree._Element, name: str, o
     return Parts(couplings=(coupling,))
 
 
-def write_urdf_plus(mechanism: Mechanism, path: Path) -> None:
+def write_urdf_plus(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     """Write a mechanism as URDF with loops in the URDF+ dialect.
 
     Parameters
@@ -148,13 +157,19 @@ def write_urdf_plus(mechanism: Mechanism, path: Path) -> None:
         What to write.
     path
         File to create or overwrite.
+
+    Returns
+    -------
+    tuple of Note
+        What the dialect has no word for.
     """
-    robot = tree_element(mechanism)
+    robot, notes = tree_element(mechanism, path)
     for loop in mechanism.loops:
         _write_loop(robot, loop)
     for coupling in mechanism.couplings:
         _write_coupling(robot, mechanism, coupling)
     save(robot, mechanism, path)
+    return notes
 
 
 def _write_coupling(robot: etree._Element, mechanism: Mechanism, coupling: Coupling) -> None:
