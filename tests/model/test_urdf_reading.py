@@ -108,8 +108,9 @@ def test_the_report_names_all_that_was_ignored(tmp_path: Path) -> None:
     assert isinstance(chain.report, Report) and chain.report.notes == chain.mechanism.notes
     report = str(chain.report)
     for word in (
-        "<visual>: for viewers (link 'shell', link 'shell')", "<collision>", "<glow>: unknown tag",
-        "<dynamics>", "<safety_controller>", "dont_collapse", "<material name='red'>", "<transmission name='t'>",
+        "<visual> left out: (line 1) needs a <geometry> (link 'shell', link 'shell')", "<collision> left out",
+        "<glow>: unknown tag", "<dynamics>",
+        "<safety_controller>", "dont_collapse", "<material name='red'>", "<transmission name='t'>",
         "<gazebo>", "<mujoco>", "folded", "gripper", "<banana>", "'colour'",
     ):  # fmt: skip
         assert word in report, report
@@ -124,7 +125,10 @@ def test_a_report_gathers_equal_findings(tmp_path: Path) -> None:
     shells = [link(f"shell{k}", f"{INERTIAL}<visual/>") for k in range(5)]
     glue = [joint(f"glue{k}", "arm", f"shell{k}", "fixed") for k in range(5)]
     report = str(stp.load(write(tmp_path, robot(*ARM, *shells, *glue))).report)
-    assert report == "ignored: <visual>: for viewers (link 'shell0', link 'shell1', link 'shell2' and 2 more)"
+    assert report == (
+        "ignored: <visual> left out: (line 1) needs a <geometry> (link 'shell0', link 'shell1', link 'shell2' and 2 "
+        "more)"
+    )
 
 
 def test_limits_that_other_readers_take_differently_are_reported(tmp_path: Path) -> None:

@@ -20,6 +20,11 @@ _MESHES = (".stl", ".obj", ".msh")
 _NO_FILE = "left out: MuJoCo would refuse the file, as there is no such mesh beside it"
 
 
+_NOT_BINARY = "left out: MuJoCo reads only binary STL of at most 200000 faces"
+_STL_HEAD, _STL_FACE, _MOST_FACES = 84, 50, 200_000
+"""Bytes before the faces of a binary STL, bytes of a face, and MuJoCo's largest number of them."""
+
+
 class MjcfShapes:
     """Writes the shapes of one file.
 
@@ -108,7 +113,10 @@ class MjcfShapes:
         if "://" in shape.mesh or not (Path(shape.folder) / shape.mesh).is_file():
             return _NO_FILE
         suffix = Path(shape.mesh).suffix
-        return "" if suffix.lower() in _MESHES else f"left out: MuJoCo reads no meshes of type '{suffix}'"
+        if suffix.lower() not in _MESHES:
+            return f"left out: MuJoCo reads no meshes of type '{suffix}'"
+        is_stl = suffix.lower() == ".stl"
+        return _NOT_BINARY if is_stl and not _is_binary_stl(Path(shape.folder) / shape.mesh) else ""
 
     def _geom(self, body: etree._Element, role: str, shape: Shape, link: Link) -> None:
         self.used.add(role)
@@ -159,6 +167,12 @@ def half_sizes(shape: Shape) -> list[float]:
             return [shape.sizes[0], shape.sizes[1] / 2]
         case _:
             return list(shape.sizes)
+
+
+def _is_binary_stl(file: Path) -> bool:
+    with file.open("rb") as stream:
+        faces = int.from_bytes(stream.read(_STL_HEAD)[-4:], "little")
+    return 0 < faces <= _MOST_FACES and file.stat().st_size == _STL_HEAD + _STL_FACE * faces
 
 
 def _before_bodies(root: etree._Element, element: etree._Element) -> None:
