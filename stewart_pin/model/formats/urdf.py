@@ -19,6 +19,7 @@ from stewart_pin.model.formats.named_motors import choose_motors
 from stewart_pin.model.formats.side_cars import add_side_car, find_beside
 from stewart_pin.model.formats.urdf_core import (
     joint_tags,
+    read_assembled,
     read_gravity,
     read_home,
     read_joint,
@@ -106,6 +107,7 @@ class _UrdfReader(UrdfElements):
             home=read_home(self),
             source=self.path,
             gravity=read_gravity(self),
+            assembled=read_assembled(self),
             odd_inertias=read_odd_inertias(self, links),
             notes=(*self.notes, *(note for part in parts for note in part.notes)),
         )

@@ -256,7 +256,7 @@ def read_home(reader: UrdfElements) -> Mapping[str, FloatArray]:
     if len(states) > 1:
         raise reader.error(f"{len(states)} <group_state name='home'>; keep one", "home")
     for state in states:
-        reader.only(state, "group_state 'home'", ("name", "group"), ("joint",))
+        reader.only(state, "group_state 'home'", ("name", "group", "assembled"), ("joint",))
         for element in state:
             name = reader.text(element, "name", "group_state 'home'")
             owner = f"joint '{name}' of group_state 'home'"
@@ -265,6 +265,23 @@ def read_home(reader: UrdfElements) -> Mapping[str, FloatArray]:
             reader.only(element, owner, ("name", "value"))
             home[name] = reader.parse(reader.text(element, "value", owner), None, owner, owner)
     return home
+
+
+def read_assembled(reader: UrdfElements) -> bool:
+    """Read whether home stays where the file has it, whatever the limits say, as `save` notes it.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+
+    Returns
+    -------
+    bool
+        Attribute ``assembled`` of the home configuration.
+    """
+    homes = [element for element in reader.root.findall("group_state") if element.get("name") == "home"]
+    return any(reader.flag(element, "assembled", "group_state 'home'") for element in homes)
 
 
 def read_gravity(reader: UrdfElements) -> tuple[float, float, float] | None:

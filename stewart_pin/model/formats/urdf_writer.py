@@ -64,6 +64,8 @@ def save(robot: etree._Element, mechanism: Mechanism, path: Path) -> None:
         etree.SubElement(robot, "end_effector", name="platform", parent_link=mechanism.platform, group="all")
     if mechanism.home:
         state = etree.SubElement(robot, "group_state", name="home", group="all")
+        if mechanism.assembled:
+            state.set("assembled", "true")
         for name, values in mechanism.home.items():
             etree.SubElement(state, "joint", name=name, value=number_text(values))
     if mechanism.gravity not in (None, STANDARD_GRAVITY):

@@ -26,6 +26,8 @@ _MOST_FACETS = 200
 """Resolution of a mesh made from a formula; the time to compile one grows with its cube."""
 PLATFORM = "platform"
 """Name of the ``<text>`` that names the platform, and of the platform where there is none."""
+HOME, ASSEMBLED = "home", "assembled"
+"""Name and data of the ``<text>`` that lets home stay where the keyframe has it."""
 SPEED = "velocity:"
 """Begins the names of the ``<numeric>`` that hold speed limits, for which MuJoCo has no word."""
 _GREY = (0.5, 0.5, 0.5, 1.0)
@@ -100,11 +102,14 @@ class Asides:
         Body or site that ``<text name="platform">`` names, else ``platform``.
     speeds
         Speed limits of joints, from ``<numeric name="velocity:JOINT">`` [m/s or rad/s].
+    assembled
+        Whether ``<text name="home" data="assembled">`` lets home stay where it is, whatever the limits say.
     """
 
     geoms: Mapping[int, GeomSource]
     platform: str
     speeds: Mapping[str, float]
+    assembled: bool = False
 
 
 def compile_mjcf(path: Path) -> tuple[Any, Asides, tuple[str, ...]]:
@@ -147,7 +152,7 @@ def compile_mjcf(path: Path) -> tuple[Any, Asides, tuple[str, ...]]:
             _strip(mujoco, spec)
             model = spec.compile()
         geoms = {int(geom.id): source for geom, source in sources}
-        asides = Asides(geoms, texts.get(PLATFORM, PLATFORM), speeds)
+        asides = Asides(geoms, texts.get(PLATFORM, PLATFORM), speeds, texts.get(HOME) == ASSEMBLED)
         return model, asides, tuple(" ".join(str(warning.message).split()) for warning in caught)
     # Its exceptions have no base of their own: ValueError for what a file says, RuntimeError for what befell it.
     except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:

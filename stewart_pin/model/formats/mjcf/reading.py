@@ -75,10 +75,11 @@ def read_mjcf(path: Path) -> Mechanism:
         couplings=ties.couplings,
         platform=tree.platform,
         home=tree.home,
-        home_is_guess=True,
+        home_is_guess=not asides.assembled,
         source=str(path),
         notes=(*said, *tree.notes, *ties.notes, *drive.notes, *key_notes, *left_out(model, tree)),
         gravity=(x, y, z),
+        assembled=asides.assembled,
     )
 
 

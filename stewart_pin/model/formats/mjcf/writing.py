@@ -28,7 +28,7 @@ from lxml import etree
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Mechanism, Note, Outcome
 from stewart_pin.model.formats.mjcf.bodies import Body, plan_bodies
-from stewart_pin.model.formats.mjcf.compiling import PLATFORM, SPEED
+from stewart_pin.model.formats.mjcf.compiling import ASSEMBLED, HOME, PLATFORM, SPEED
 from stewart_pin.model.formats.mjcf.equalities import write_equalities
 from stewart_pin.model.formats.mjcf.placements import place, quaternion_text
 from stewart_pin.model.formats.mjcf.shape_writing import MjcfShapes
@@ -171,6 +171,8 @@ class _MjcfWriter:
         custom = etree.Element("custom")
         if self.mechanism.platform not in (None, PLATFORM):
             etree.SubElement(custom, "text", name=PLATFORM, data=self.mechanism.platform)
+        if self.mechanism.assembled:
+            etree.SubElement(custom, "text", name=HOME, data=ASSEMBLED)
         for joint in self.mechanism.joints:
             if joint.has_axis and joint.velocity < np.inf:
                 values = number_text([joint.velocity])
