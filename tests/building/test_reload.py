@@ -160,3 +160,18 @@ def test_inertia_without_mass_goes_along(tmp_path: Path) -> None:
     inertia = other.mechanism.link("flange").inertia
     assert inertia is not None and inertia.mass == 0
     np.testing.assert_allclose(inertia.inertia, np.eye(3), atol=1e-15)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_loops_beside_a_file_are_not_added_to_another(format: str, tmp_path: Path) -> None:
+    """Where a URDF with its YAML is overwritten by one that has its loops inside, the YAML lies there still."""
+    chain = stp.load("stewart")
+    again(chain, tmp_path, "gepetto")
+    other, _ = again(chain, tmp_path, format)
+    assert [loop.name for loop in other.loops] == [loop.name for loop in chain.loops]
+    if format not in ("mjcf", "gepetto"):
+        again_by_hand = tmp_path / "again.urdf"
+        assert len(stp.load(again_by_hand, loops=None).loops) == 6
+        again_by_hand.write_text(again_by_hand.read_text().replace('loops="here"', 'loops="there"'))
+        with pytest.raises(FileFormatError, match="<robot loops='there'>: it may be 'here'"):
+            stp.load(again_by_hand)

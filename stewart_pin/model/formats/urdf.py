@@ -16,7 +16,7 @@ from stewart_pin.model.description import Mechanism
 from stewart_pin.model.formats.dialect import Parts, add_parts, claimed_tags, dialects, found_notes
 from stewart_pin.model.formats.foreign_tags import reason_to_ignore
 from stewart_pin.model.formats.named_motors import choose_motors
-from stewart_pin.model.formats.side_cars import add_side_car, find_beside
+from stewart_pin.model.formats.side_cars import COMPLETE, add_side_car, find_beside
 from stewart_pin.model.formats.urdf_core import (
     joint_tags,
     read_assembled,
@@ -65,8 +65,9 @@ def read_urdf(path: Path, *, loops: Path | None = None) -> Mechanism:
     MechanismError
         If a joint that would have to be cut is a motor.
     """
-    mechanism = _UrdfReader(path).read()
-    side_car = find_beside(path) if loops is None else loops
+    reader = _UrdfReader(path)
+    mechanism = reader.read()
+    side_car = find_beside(path) if loops is None and reader.root.get(COMPLETE[0]) is None else loops
     if side_car is not None:
         mechanism = add_side_car(mechanism, side_car)
     for dialect in dialects():
@@ -79,7 +80,13 @@ class _UrdfReader(UrdfElements):
     def read(self) -> Mechanism:
         if self.root.tag != "robot":
             raise self.error(f"the root element is <{shown_tag(self.root)}>, a URDF has <robot>", "<robot>")
-        self.ignore_attributes(self.root, "the file", ("name", "version"))
+        self.ignore_attributes(self.root, "the file", ("name", "version", COMPLETE[0]))
+        if self.root.get(*COMPLETE) != COMPLETE[1]:
+            raise self.error(
+                f"<robot {COMPLETE[0]}='{self.root.get(COMPLETE[0])}'>: it may be '{COMPLETE[1]}', for a file that no "
+                "other file adds loops to, or absent",
+                "<robot>",
+            )
         found: list[_Found] = []
         for element in self.root.iterchildren(etree.Element):
             tag = shown_tag(element)

@@ -10,6 +10,7 @@ from lxml import etree
 
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
 from stewart_pin.model.description import Joint, JointKind, Link, Mechanism, Note
+from stewart_pin.model.formats.side_cars import COMPLETE, find_beside
 from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES
 from stewart_pin.model.formats.urdf_placements import write_origin
 from stewart_pin.model.formats.urdf_shape_writer import UrdfShapes
@@ -48,7 +49,7 @@ def tree_element(
     return robot, tuple(shapes.notes)
 
 
-def save(robot: etree._Element, mechanism: Mechanism, path: Path) -> None:
+def save(robot: etree._Element, mechanism: Mechanism, path: Path, *, has_side_car: bool = False) -> None:
     """Add platform, home, unusual gravity and names of odd inertias to a robot, and write the file.
 
     Parameters
@@ -59,7 +60,11 @@ def save(robot: etree._Element, mechanism: Mechanism, path: Path) -> None:
         What it describes.
     path
         File to create or overwrite.
+    has_side_car
+        Whether a file beside it is to declare its loops; one that lies there already is passed by otherwise.
     """
+    if not has_side_car and find_beside(path) is not None:
+        robot.set(*COMPLETE)
     if mechanism.platform not in (None, "platform"):
         etree.SubElement(robot, "end_effector", name="platform", parent_link=mechanism.platform, group="all")
     if mechanism.home:

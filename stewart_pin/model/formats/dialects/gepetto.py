@@ -220,7 +220,7 @@ def write_gepetto(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     )
     robot, notes = tree_element(replace(tree, joints=plain), path)
     write_mimics(robot, mechanism, "gepetto")
-    save(robot, mechanism, path)
+    save(robot, mechanism, path, has_side_car=True)
     lists = {
         "closed_loop": pairs,
         "type": [kinds[loop.kind] for loop in mechanism.loops],
