@@ -101,7 +101,7 @@ class Asides:
     platform
         Body or site that ``<text name="platform">`` names, else ``platform``.
     speeds
-        Speed limits of joints, from ``<numeric name="velocity:JOINT">`` [m/s or rad/s].
+        Speed limits of joints, from ``<numeric name="velocity:JOINT">``, one number for both sides [m/s or rad/s].
     assembled
         Whether ``<text name="home" data="assembled">`` lets home stay where it is, whatever the limits say.
     """

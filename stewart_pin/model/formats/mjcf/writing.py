@@ -33,7 +33,7 @@ from stewart_pin.model.formats.mjcf.equalities import write_equalities
 from stewart_pin.model.formats.mjcf.placements import place, quaternion_text
 from stewart_pin.model.formats.mjcf.shape_writing import MjcfShapes
 from stewart_pin.model.formats.mjcf.tree import MUJOCO_FAR
-from stewart_pin.model.formats.xml import number_text
+from stewart_pin.model.formats.xml import UNLIMITED, number_text
 from stewart_pin.model.validation import broken_triangle, is_massless
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -174,8 +174,9 @@ class _MjcfWriter:
         if self.mechanism.assembled:
             etree.SubElement(custom, "text", name=HOME, data=ASSEMBLED)
         for joint in self.mechanism.joints:
-            if joint.has_axis and joint.velocity < np.inf:
-                values = number_text([joint.velocity])
+            speeds = np.atleast_1d(joint.velocity)
+            if joint.has_axis and np.isfinite(speeds).any():
+                values = number_text(np.clip(speeds, -UNLIMITED, UNLIMITED))
                 etree.SubElement(custom, "numeric", name=f"{SPEED}{joint.name}", data=values)
         if len(custom):
             root.append(custom)
