@@ -76,13 +76,13 @@ def test_bodies_made_for_another_stroke_are_named() -> None:
         radius * np.column_stack([np.cos(a), np.sin(a), 0 * a])
         for radius, a in zip((0.95, 0.70), angles, strict=True)
     )
-    hexapod, masses = stp.Hexapod(base, platform), {"platform": 120.0, "lower": 18.0, "upper": 9.0}
-    blind = stp.hexapod_inertias(hexapod, **masses)
+    hexapod = stp.Hexapod(base, platform)
+    blind = stp.hexapod_inertias(hexapod, platform=120.0, lower=18.0, upper=9.0)
     report = stp.hexapod_chain(hexapod, **blind, stroke=(1.05, 1.6)).report
     assert [note.subject for note in report.notes] == ["inertia 'lower'", "inertia 'upper'"]
     assert "reaches 1.097 m along the leg" in str(report) and "the shortest leg has 1.05 m" in str(report)
     strokes: tuple[tuple[float, float], ...] = ((1.05, 1.6), (0.6, 2.2), (1.2, 2.0))
     for stroke in strokes:
-        told = stp.hexapod_inertias(hexapod, **masses, stroke=stroke)
+        told = stp.hexapod_inertias(hexapod, platform=120.0, lower=18.0, upper=9.0, stroke=stroke)
         assert stp.hexapod_chain(hexapod, **told, stroke=stroke).report.notes == ()
     assert stp.hexapod_chain(hexapod, **blind).report.notes == ()

@@ -175,3 +175,11 @@ def test_loops_beside_a_file_are_not_added_to_another(format: str, tmp_path: Pat
         again_by_hand.write_text(again_by_hand.read_text().replace('loops="here"', 'loops="there"'))
         with pytest.raises(FileFormatError, match="<robot loops='there'>: it may be 'here'"):
             stp.load(again_by_hand)
+
+
+def test_inertia_that_mujoco_cannot_have_is_named(tmp_path: Path) -> None:
+    text = robot(*ARM, link("dot", INERTIAL.replace('"1"', '"0"')), joint("glue", "arm", "dot", "fixed"))
+    chain = stp.load(write(tmp_path, text.replace('"base"', '"world"')))
+    _, notes = again(chain, tmp_path, "mjcf")
+    assert ("link 'dot'", "its inertia is left out: MuJoCo has no body without mass") in notes
+    assert ("link 'world'", "its inertia is left out: MuJoCo's world is no body") in notes

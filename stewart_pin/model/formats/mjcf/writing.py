@@ -26,7 +26,7 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import Joint, JointKind, Mechanism, Note, Outcome
+from stewart_pin.model.description import Joint, JointKind, Link, Mechanism, Note, Outcome
 from stewart_pin.model.formats.mjcf.bodies import Body, plan_bodies
 from stewart_pin.model.formats.mjcf.compiling import ASSEMBLED, HOME, PLATFORM, SPEED
 from stewart_pin.model.formats.mjcf.equalities import write_equalities
@@ -130,6 +130,7 @@ class _MjcfWriter:
             if name != self.mechanism.root:
                 raise UnsupportedError(f"link '{name}' moves, and MuJoCo reserves this name; rename the link")
             self.elements[name] = self.elements[None]
+            self._note_inertia(body.link, "MuJoCo's world is no body")
             self.shapes.write(self.elements[name], body.link)
             return
         element = etree.SubElement(self.elements[body.parent], "body", name=name)
@@ -142,6 +143,8 @@ class _MjcfWriter:
                 element[-1].set("actuatorfrcrange", effort)
         if body.link.inertia is not None and not is_massless(body.link.inertia):
             self._inertial(element, body.link.name, body.link.inertia)
+        else:
+            self._note_inertia(body.link, "MuJoCo has no body without mass")
         self.shapes.write(element, body.link)
         self.elements[name] = element
 
@@ -151,6 +154,10 @@ class _MjcfWriter:
         if odd:
             text = f"{odd}; MuJoCo refuses it, so the largest is written as the sum of the others"
             self.notes.append(Note(f"link '{name}'", text, Outcome.CHANGED))
+
+    def _note_inertia(self, link: Link, why: str) -> None:
+        if link.inertia is not None:
+            self.notes.append(Note(f"link '{link.name}'", f"its inertia is left out: {why}"))
 
     def _vanished(self) -> None:
         """Note what of links and joints MuJoCo has no place for."""
