@@ -9,9 +9,12 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.errors import FileFormatError, MechanismError
+from stewart_pin.errors import FileFormatError, MechanismError, UnsupportedError
 from stewart_pin.model.description import JointKind, Outcome
 from stewart_pin.model.formats.dialect import dialects
+from stewart_pin.model.formats.reading import read_mechanism
+from tests.building import cassie
+from tests.model.test_published_robots import published
 from tests.small_sdf import joint as sdf_joint
 from tests.small_sdf import link as sdf_link
 from tests.small_sdf import sdf
@@ -119,6 +122,53 @@ def test_a_home_that_the_file_puts_beyond_limits(format: str, tmp_path: Path) ->
     chain = stp.load(tmp_path / "a.sdf", motors=["j"])
     assert "it stays there" in str(chain.report)
     other, _ = again(chain, tmp_path, format)
+    np.testing.assert_allclose(other.q_home, chain.q_home, atol=1e-12)
+
+
+def _shapes(chain: stp.ClosedChain) -> tuple[int, int]:
+    links = chain.mechanism.links
+    return sum(len(each.visuals) for each in links), sum(len(each.collisions) for each in links)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("format", FORMATS)
+def test_published_robots(format: str, tmp_path: Path) -> None:
+    """URDF files as they are published, each driven by its first joint: every one that loads, loads again."""
+    tried = 0
+    for path in published():
+        mechanism = read_mechanism(path)
+        movable = [each.name for each in mechanism.joints if each.has_axis]
+        try:
+            chain = stp.load(path, motors=movable[:1], platform=mechanism.joints[-1].child, odd_inertias=True)
+        except (MechanismError, IndexError):
+            continue  # masses that no body has, or no robot yet
+        try:
+            other, notes = again(chain, tmp_path, format)
+        except UnsupportedError as error:
+            assert "equal limits" in str(error) and format == "mjcf"
+            continue
+        assert (other.motors, other.platform) == (chain.motors, chain.platform), path
+        tried += 1
+        if format != "mjcf":
+            assert notes == () and _shapes(other) == _shapes(chain), path
+            np.testing.assert_allclose(other.q_home, chain.q_home, atol=1e-12)
+        elif _shapes(other) != _shapes(chain):
+            assert any(text.startswith(("visual: left out", "collision: left out")) for _, text in notes), (
+                path
+            )
+    assert tried > 50 or not published()
+
+
+@pytest.mark.skipif(cassie.folder() is None, reason="needs the package example-robot-data")
+@pytest.mark.parametrize("name", cassie.FILES)
+def test_cassie_survives_urdf(name: str, tmp_path: Path) -> None:
+    """Its file places joints beyond their limits, and two of its rotors have inertias that no body has."""
+    folder = cassie.folder()
+    assert folder is not None
+    chain = stp.load(folder / "robots" / f"{name}.sdf", motors=cassie.motors(name), platform="pelvis")
+    other, notes = again(chain, tmp_path, "urdf+")
+    assert notes == () and _shapes(other) == _shapes(chain) and sum(_shapes(chain)) > 30
+    assert (other.motors, other.platform) == (chain.motors, "pelvis")
     np.testing.assert_allclose(other.q_home, chain.q_home, atol=1e-12)
 
 
