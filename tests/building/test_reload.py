@@ -98,12 +98,15 @@ def test_the_platform_and_its_names(format: str, tmp_path: Path) -> None:
 
 def test_an_mjcf_names_its_platform(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
-    text = """<mujoco><custom><text name="platform" data="{}"/></custom><worldbody><body name="hand"><joint name="j"/>
+    text = """<mujoco><custom><text name="platform" data="{}"/><numeric name="velocity:j" data="2"/>
+      <numeric name="velocity:k" data="3"/></custom><worldbody><body name="hand"><joint name="j"/>
       <inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/><site name="tip" pos="0 0 1"/></body></worldbody>
       <actuator><motor joint="j"/></actuator></mujoco>"""
     for name in ("hand", "tip"):
         (tmp_path / "a.xml").write_text(text.format(name))
-        assert stp.load(tmp_path / "a.xml").platform == name
+        chain = stp.load(tmp_path / "a.xml")
+        assert chain.platform == name and chain.mechanism.joint("j").velocity == 2
+        assert "no joint of this name (<numeric name='velocity:k'>)" in str(chain.report)
     (tmp_path / "a.xml").write_text(text.format("hond"))
     with pytest.raises(FileFormatError, match="names 'hond', which is no body and no site; correct the name"):
         stp.load(tmp_path / "a.xml")

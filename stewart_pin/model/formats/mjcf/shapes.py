@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.model.description import Note
-from stewart_pin.model.formats.mjcf.compiling import GeomSource, import_mujoco
+from stewart_pin.model.formats.mjcf.asides import GeomSource
+from stewart_pin.model.formats.mjcf.compiling import import_mujoco
 from stewart_pin.model.formats.mjcf.names import given_names
 from stewart_pin.model.formats.mjcf.placements import placement_of
 from stewart_pin.model.shapes import Material, Shape, ShapeKind

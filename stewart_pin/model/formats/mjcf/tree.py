@@ -18,7 +18,8 @@ import pinocchio as pin
 
 from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import Joint, JointKind, Link, Note, Outcome
-from stewart_pin.model.formats.mjcf.compiling import PLATFORM, Asides, import_mujoco
+from stewart_pin.model.formats.mjcf.asides import PLATFORM, SPEED, Asides
+from stewart_pin.model.formats.mjcf.compiling import import_mujoco
 from stewart_pin.model.formats.mjcf.names import Names, given_names
 from stewart_pin.model.formats.mjcf.placements import placement_of
 from stewart_pin.model.formats.mjcf.shapes import read_shapes
@@ -102,6 +103,9 @@ class _TreeReader:
     def read(self) -> Tree:
         shapes = read_shapes(self.model, self.asides.geoms)
         self.notes += shapes.notes
+        for name in self.asides.speeds:
+            if name not in self.named:
+                self.notes.append(Note(f"<numeric name='{SPEED}{name}'>", "no joint of this name"))
         for body in range(self.model.nbody):
             seen, found = shapes.visuals.get(body, ()), shapes.collisions.get(body, ())
             self.links.append(Link(self.bodies[body], _inertia(self.model, body), seen, found))
