@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from stewart_pin.building.home import settle_home
+from stewart_pin.building.printed_digits import settle_printed
 from stewart_pin.building.resources import find_robot
-from stewart_pin.checks import as_array
+from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError, MechanismError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
 from stewart_pin.model.description import JointKind, Mechanism
+from stewart_pin.model.formats.precision import Precision, printed_precision
 from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import keep_odd_inertias, validate
@@ -28,6 +29,7 @@ def load(
     platform: str | None = None,
     gravity: ArrayLike | None = None,
     odd_inertias: bool = False,
+    closure_tolerance: float | None = None,
 ) -> ClosedChain:
     """Read a robot with its loops, motors and platform.
 
@@ -52,6 +54,10 @@ def load(
     odd_inertias
         Whether to keep, with a note in the report, inertias that no real body has, one principal moment being above the
         sum of the others. SDFormat's are always kept, as its simulators keep them.
+    closure_tolerance
+        Largest gap of loops, and singular value of their rows, that is taken for rounding, in robot sizes and radians:
+        joints and loops are then moved by it, so that the mechanism has the freedom that was meant, and the report
+        tells it. Default: what the digits of the file explain.
 
     Returns
     -------
@@ -79,7 +85,11 @@ def load(
     mechanism = read_mechanism(find_robot(name_or_path), loops=side_car)
     if odd_inertias:
         mechanism = keep_odd_inertias(mechanism)
-    return build_chain(mechanism, motors=motors, platform=platform, gravity=gravity)
+    if closure_tolerance is None:
+        forgiven = printed_precision(Path(mechanism.source), side_car)
+    else:
+        forgiven = as_positive("closure_tolerance", closure_tolerance)
+    return build_chain(mechanism, motors=motors, platform=platform, gravity=gravity, forgiven=forgiven)
 
 
 def build_chain(
@@ -88,6 +98,7 @@ def build_chain(
     motors: Sequence[str] | None = None,
     platform: str | None = None,
     gravity: ArrayLike | None = None,
+    forgiven: float | Precision = 0.0,
 ) -> ClosedChain:
     """Validate a description and build the closed chain.
 
@@ -102,6 +113,8 @@ def build_chain(
     gravity
         (3,) acceleration of free fall in the world frame [m/s²]; None: what the description states, or else
         (0, 0, -9.81).
+    forgiven
+        What digits may have left open, see `settle_printed`.
 
     Returns
     -------
@@ -132,7 +145,7 @@ def build_chain(
         platform=_platform(mechanism, platform),
         q_home=np.zeros(model.nq),
     )
-    return settle_home(chain)
+    return settle_printed(chain, forgiven)
 
 
 def _motors(mechanism: Mechanism, motors: Sequence[str] | None) -> tuple[str, ...]:
