@@ -25,7 +25,7 @@ from stewart_pin.model.tree import build_tree
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.newton import close_at_precision, displaced, rank_at_precision
 from stewart_pin.state.state import State
-from stewart_pin.tolerances import CLOSED
+from stewart_pin.tolerances import CLOSED, EPS
 from stewart_pin.typing import Configuration, FloatArray
 
 _COARSEST = 5e-3
@@ -34,15 +34,23 @@ _MARGIN = 2.0
 """How much more than all roundings together is forgiven: they add up along a loop by its levers."""
 _EXACT = 1e-13
 """Singular values below this are round-off of a mechanism whose numbers are exact."""
-_SAMPLES = 6
+_SAMPLES = 8
 """Configurations along the motion, and as many for each of its freedoms, that join the equations at a time."""
+_PROBES = 2
+"""Configurations on which a mechanism that is exact at home is tried."""
 _ROUNDS = 5
 """Times that configurations join."""
-_STEPS = 25
+_STEPS = 40
 """Gauss-Newton steps between two times."""
-_STRIDE = 0.3
+_LEAST = 1e4
+"""Factor of damping from which on a step is nothing."""
+_STRIDE = 0.6
 """How far the next configuration is from the one before, in robot sizes and radians."""
-_REGULAR = 0.1
+_FLOOR = 1e-10
+"""Share of the largest singular value that moves of places have for nothing: these leave the loops as they are."""
+_WANDERING = 0.4
+"""How far from straight on it goes, for each freedom."""
+_REGULAR = 0.02
 """Share of its size at home that the smallest singular value of a configuration needs to have to be used."""
 
 
@@ -115,9 +123,12 @@ def _absorbed(
     gap = home.state.largest_gap
     if rank == chain.nc or gap > forgiven:
         return None
-    if max(gap, values[rank:].max(initial=0.0)) <= _EXACT:
-        return None
     walk = _Walk(home.state, rank, forgiven)
+    if max(gap, values[rank:].max(initial=0.0)) <= _EXACT:
+        # Home may be exact by its symmetry, and the motion not.
+        probe = walk.on(chain, _PROBES)
+        if probe is None or _open(probe) <= CLOSED:
+            return None
     states = [home.state]
     moved = chain
     for _ in range(_ROUNDS):
@@ -127,9 +138,20 @@ def _absorbed(
         if moved is not chain and max(state.largest_gap for state in fresh) <= CLOSED:
             return _told(chain, moved, places, forgiven, gap, values[rank:])
         states += fresh
-        moved, states = _closing_everywhere(moved, states, rank, places)
+        moved, states = _closing_everywhere(moved, states, rank, places, forgiven)
         walk.at = states[-1]
-    return None
+    raise _undecided(chain, gap, values[rank:], "no near mechanism was found that keeps this freedom")
+
+
+def _undecided(chain: ClosedChain, gap: float, values: FloatArray, why: str) -> MechanismError:
+    freedoms = chain.nv - (min(chain.nc, chain.nv) - values.size)
+    return MechanismError(
+        f"the loops close to {gap:.2g} robot sizes or radians, and their rows have the singular value "
+        f"{values.max(initial=0.0):.2g}: by the digits of the file there are {freedoms} freedoms, by its numbers fewer, "
+        f"and {why}; print more digits, or let load take the numbers as they stand by closure_tolerance=1e-15",
+        path=chain.mechanism.source,
+        culprit="loops",
+    )
 
 
 class _Walk:
@@ -139,28 +161,36 @@ class _Walk:
         self.at, self.rank, self.forgiven = home, rank, forgiven
         self.least = _REGULAR * _smallest(home, rank)
         self.rng = np.random.default_rng(0)
+        self.along = np.zeros(home.chain.nv)
 
-    def on(self, chain: ClosedChain) -> list[State] | None:
+    def on(self, chain: ClosedChain, wanted: int = 0) -> list[State] | None:
         """Take the next configurations, or say that the motion is none: rows that should repeat do not."""
         freedoms = chain.nv - self.rank
-        wanted, found, stride = _SAMPLES * (1 + freedoms), [], _STRIDE
-        state = chain.at(self.at.q)
-        for _ in range(3 * wanted):
+        wanted = wanted or _SAMPLES * (1 + freedoms)
+        found, stride = [], _STRIDE
+        state, along = chain.at(self.at.q), self.along
+        for _ in range(4 * wanted):
             if len(found) == wanted or not freedoms:
                 break
             basis = np.linalg.svd(state.rows)[2][self.rank :].T
-            way = self.rng.normal(size=freedoms)
-            step = basis @ (way * stride / np.linalg.norm(way))
+            ahead = basis.T @ along
+            way = ahead / max(float(np.linalg.norm(ahead)), 1e-3) + _WANDERING * self.rng.normal(
+                size=freedoms
+            )
+            step = basis @ way
+            step *= stride / np.abs(step).max()
             closed = close_at_precision(chain, displaced(state, step).q, self.forgiven, rank=self.rank)
             values = np.linalg.svd(closed.state.rows, compute_uv=False)
-            if closed.state.largest_gap > self.forgiven or values[self.rank - 1] < self.least:
-                stride *= 0.7
+            if closed.state.largest_gap > self.forgiven or values[: self.rank].min(initial=1.0) < self.least:
+                stride *= 0.6
+                if stride < _STRIDE / 6:  # a singularity stands in the way
+                    along, stride = -along, _STRIDE
                 continue
             if values[self.rank :].max(initial=0.0) > self.forgiven:
                 return None
             found.append(closed.state)
-            state, stride = closed.state, _STRIDE
-        self.at = state
+            state, along, stride = closed.state, step / stride, _STRIDE
+        self.at, self.along = state, along
         return found or [state]
 
 
@@ -169,35 +199,42 @@ def _smallest(state: State, rank: int) -> float:
 
 
 def _closing_everywhere(
-    chain: ClosedChain, states: Sequence[State], rank: int, places: Sequence[_Place]
+    chain: ClosedChain, states: Sequence[State], rank: int, places: Sequence[_Place], forgiven: float
 ) -> tuple[ClosedChain, list[State]]:
     """Move the places by the least that closes the loops at all states, which move along (Levenberg-Marquardt)."""
     states = [chain.at(state.q) for state in states]
-    worst = _open(states)
+    size, extra = _size(states), 1.0
+    matrix = right = np.zeros(0)
+    columns: list[FloatArray] = []
     for _ in range(_STEPS):
-        if worst <= CLOSED / 100:
+        if _open(states) <= CLOSED / 40 or extra > _LEAST:
             break
-        blocks, rights, columns = [], [], []
-        for state in states:
-            column = _columns(state, places)
-            left = np.linalg.svd(state.rows)[0][:, rank:]
-            blocks.append(left.T @ column)
-            rights.append(left.T @ state.relative_gap)
-            columns.append(column)
-        matrix, right = np.vstack(blocks), np.concatenate(rights)
+        if not columns:
+            columns = [_columns(state, places) for state in states]
+            left = [np.linalg.svd(state.rows)[0][:, rank:].T for state in states]
+            matrix = np.vstack([rows @ column for rows, column in zip(left, columns, strict=True)])
+            right = np.concatenate(
+                [rows @ state.relative_gap for rows, state in zip(left, states, strict=True)]
+            )
         u, s, vt = np.linalg.svd(matrix, full_matrices=False)
-        damping = float(np.linalg.norm(right)) + np.finfo(float).eps * s[0]
+        # Damped by the size of the residual: the least moves, whatever the rank of these equations. Round-off, of
+        # size EPS in every one, may not move anything farther than digits reach.
+        damping = extra * float(np.linalg.norm(right)) + _FLOOR * s[0] + EPS * np.sqrt(right.size) / forgiven
         moves = -vt.T @ ((s / (s**2 + damping**2)) * (u.T @ right))
         trial = _moved(chain, places, moves)
         trials = [
             _followed(trial, state, column @ moves, rank)
             for state, column in zip(states, columns, strict=True)
         ]
-        left_open = _open(trials)
-        if not left_open < worst:
-            break
-        chain, states, worst = trial, trials, left_open
+        if _size(trials) < size:
+            chain, states, size, columns, extra = trial, trials, _size(trials), [], 1.0
+        else:
+            extra *= 10.0
     return chain, states
+
+
+def _size(states: Sequence[State]) -> float:
+    return float(np.linalg.norm([state.relative_gap for state in states]))
 
 
 def _followed(chain: ClosedChain, state: State, opened: FloatArray, rank: int) -> State:
@@ -299,19 +336,22 @@ def _told(
     forgiven: float,
     gap: float,
     values: FloatArray,
-) -> ClosedChain | None:
-    """Add notes of what was moved; None where that is more than digits explain."""
+) -> ClosedChain:
+    """Add notes of what was moved, no more than digits explain."""
     notes: list[Note] = []
     total = 0.0
     for place in places:
         before, after = (_placement(one.mechanism, place) for one in (chain, moved))
-        move = pin.log6(before.inverse() * after).vector
-        total += float(np.sum((move / chain.twist_sizes) ** 2))
-        shift, turn = (float(np.linalg.norm(part)) for part in (move[:3], move[3:]))
+        move = before.inverse() * after
+        # The logarithm of a rotation is lost in round-off where the angle is below 1e-8.
+        turn = float(np.linalg.norm(pin.unSkew((move.rotation - move.rotation.T) / 2)))
+        shift = float(np.linalg.norm(move.translation))
+        total += (shift / chain.length_scale) ** 2 + turn**2
         text = f"moved by {shift:.2g} m and turned by {turn:.2g} rad, as the loops need to keep their freedom"
         notes.append(Note(str(place), text, Outcome.CHANGED))
     if np.sqrt(total) > forgiven:
-        return None
+        why = f"the nearest mechanism that has them is {np.sqrt(total):.2g} away, more than the digits explain"
+        raise _undecided(chain, gap, values, why)
     freedoms = chain.nv - (min(chain.nc, chain.nv) - values.size)
     shown = ", ".join(f"{value:.2g}" for value in values[:6]) + (", ..." if values.size > 6 else "")
     summary = Note(

@@ -408,11 +408,11 @@ def rank_at_precision(values: FloatArray, precision: float) -> int:
     int
         How many stand above the widest gap whose lower edge rounding explains; all where there is none.
     """
-    floored = np.maximum(values, precision / 10)
-    ratios = floored / np.append(floored[1:], precision / 10)
-    ratios[:-1][values[1:] > precision] = 0.0
+    edges = np.concatenate([[1.0], np.maximum(values, precision / 10)])
+    ratios = edges[:-1] / edges[1:]
+    ratios[values > precision] = 0.0
     widest = int(np.argmax(ratios)) if ratios.size else 0
-    return widest + 1 if ratios.size and ratios[widest] >= _WIDE else values.size
+    return widest if ratios.size and ratios[widest] >= _WIDE else values.size
 
 
 def _nearest(
