@@ -112,6 +112,25 @@ def near_home(chain: ClosedChain, precision: float, *, searching: bool) -> Confi
     return q
 
 
+def keep_home(chain: ClosedChain, q: Configuration) -> ClosedChain:
+    """Set a home that was found by `near_home`; where it stands beyond limits, as a file may have it, carry it inside.
+
+    Parameters
+    ----------
+    chain
+        Chain whose home is a guess.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+
+    Returns
+    -------
+    ClosedChain
+        The same chain with a home.
+    """
+    beyond = chain.mechanism.assembled and _beyond_limits(chain, q)
+    return _settle_assembled(chain) if beyond else _with_home(chain, q)
+
+
 def _settle_assembled(chain: ClosedChain) -> ClosedChain:
     """Carry joints that the file puts beyond their limits inside, the loops closed; stay where they do not allow it."""
     start = polish(chain, home_guess(chain, inside=False))

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.building.home import near_home, settle_home
+from stewart_pin.building.home import keep_home, near_home, settle_home
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import JointKind, Mechanism, Note, Outcome
 from stewart_pin.model.formats.precision import Precision
@@ -50,8 +50,9 @@ _FLOOR = 1e-10
 """Share of the largest singular value that moves of places have for nothing: these leave the loops as they are."""
 _WANDERING = 0.4
 """How far from straight on it goes, for each freedom."""
-_REGULAR = 0.02
-"""Share of its size at home that the smallest singular value of a configuration needs to have to be used."""
+_REGULAR = (0.02, 0.1, 0.3)
+"""Share of its size at home that the smallest singular value of a configuration needs to have to be used: as far as
+possible along the motion first, since that tells moves apart best."""
 
 
 @dataclass(frozen=True)
@@ -95,20 +96,17 @@ def settle_printed(chain: ClosedChain, forgiven: float | Precision) -> ClosedCha
         return settle_home(chain)
     moved = _absorbed(chain, near_home(chain, forgiven, searching=False), places, forgiven)
     if moved is not None:
-        return settle_home(moved)
+        return moved
     try:
         settled = settle_home(chain)
-    except MechanismError as error:
+    except MechanismError:
         near = near_home(chain, forgiven, searching=True)
         moved = None if near is None else _absorbed(chain, near, places, forgiven)
         if moved is None:
             raise
-        try:
-            return settle_home(moved)
-        except MechanismError:
-            raise error from None
+        return moved
     moved = _absorbed(chain, settled.q_home, places, forgiven)
-    return settled if moved is None else settle_home(moved)
+    return settled if moved is None else moved
 
 
 def _absorbed(
@@ -123,24 +121,26 @@ def _absorbed(
     gap = home.state.largest_gap
     if rank == chain.nc or gap > forgiven:
         return None
-    walk = _Walk(home.state, rank, forgiven)
-    if max(gap, values[rank:].max(initial=0.0)) <= _EXACT:
+    spurious = values[rank:]
+    if max(gap, spurious.max(initial=0.0)) <= _EXACT:
         # Home may be exact by its symmetry, and the motion not.
-        probe = walk.on(chain, _PROBES)
+        probe = _Walk(home.state, rank, forgiven, _REGULAR[0]).on(chain, _PROBES)
         if probe is None or _open(probe) <= CLOSED:
             return None
-    states = [home.state]
-    moved = chain
-    for _ in range(_ROUNDS):
-        fresh = walk.on(moved)
-        if fresh is None:
-            return None
-        if moved is not chain and max(state.largest_gap for state in fresh) <= CLOSED:
-            return _told(chain, moved, places, forgiven, gap, values[rank:])
-        states += fresh
-        moved, states = _closing_everywhere(moved, states, rank, places, forgiven)
-        walk.at = states[-1]
-    raise _undecided(chain, gap, values[rank:], "no near mechanism was found that keeps this freedom")
+    for regular in _REGULAR:
+        walk = _Walk(home.state, rank, forgiven, regular)
+        moved, states = chain, [home.state]
+        for _ in range(_ROUNDS):
+            fresh = walk.on(moved)
+            if fresh is None:
+                return None
+            if moved is not chain and _open(fresh) <= CLOSED:
+                # Home has followed; Newton's method without the rank would drift where it is all but closed.
+                return keep_home(_told(chain, moved, places, forgiven, gap, spurious), states[0].q)
+            states += fresh
+            moved, states = _closing_everywhere(moved, states, rank, places, forgiven)
+            walk.at = states[-1]
+    raise _undecided(chain, gap, spurious, "no near mechanism was found that keeps this freedom")
 
 
 def _undecided(chain: ClosedChain, gap: float, values: FloatArray, why: str) -> MechanismError:
@@ -157,9 +157,9 @@ def _undecided(chain: ClosedChain, gap: float, values: FloatArray, why: str) -> 
 class _Walk:
     """Configurations along the motion, each near the one before, far from its singularities; seeded."""
 
-    def __init__(self, home: State, rank: int, forgiven: float) -> None:
+    def __init__(self, home: State, rank: int, forgiven: float, regular: float) -> None:
         self.at, self.rank, self.forgiven = home, rank, forgiven
-        self.least = _REGULAR * _smallest(home, rank)
+        self.least = regular * _smallest(home, rank)
         self.rng = np.random.default_rng(0)
         self.along = np.zeros(home.chain.nv)
 
@@ -181,17 +181,16 @@ class _Walk:
             step *= stride / np.abs(step).max()
             closed = close_at_precision(chain, displaced(state, step).q, self.forgiven, rank=self.rank)
             values = np.linalg.svd(closed.state.rows, compute_uv=False)
-            if closed.state.largest_gap > self.forgiven or values[: self.rank].min(initial=1.0) < self.least:
+            open_by = max(closed.state.largest_gap, values[self.rank :].max(initial=0.0))
+            if open_by > self.forgiven or values[: self.rank].min(initial=1.0) < self.least:
                 stride *= 0.6
                 if stride < _STRIDE / 6:  # a singularity stands in the way
                     along, stride = -along, _STRIDE
                 continue
-            if values[self.rank :].max(initial=0.0) > self.forgiven:
-                return None
             found.append(closed.state)
             state, along, stride = closed.state, step / stride, _STRIDE
         self.at, self.along = state, along
-        return found or [state]
+        return found or (None if freedoms else [state])
 
 
 def _smallest(state: State, rank: int) -> float:
