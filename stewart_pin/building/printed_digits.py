@@ -38,7 +38,7 @@ _SAMPLES = 8
 """Configurations along the motion, and as many for each of its freedoms, that join the equations at a time."""
 _PROBES = 2
 """Configurations on which a mechanism that is exact at home is tried."""
-_ROUNDS = 5
+_ROUNDS = 4
 """Times that configurations join."""
 _STEPS = 40
 """Gauss-Newton steps between two times."""
@@ -50,7 +50,7 @@ _FLOOR = 1e-10
 """Share of the largest singular value that moves of places have for nothing: these leave the loops as they are."""
 _WANDERING = 0.4
 """How far from straight on it goes, for each freedom."""
-_REGULAR = (0.02, 0.1, 0.3)
+_REGULAR = (0.02, 0.1, 0.3, 0.05)
 """Share of its size at home that the smallest singular value of a configuration needs to have to be used: as far as
 possible along the motion first, since that tells moves apart best."""
 
@@ -137,8 +137,9 @@ def _absorbed(
             if moved is not chain and _open(fresh) <= CLOSED:
                 # Home has followed; Newton's method without the rank would drift where it is all but closed.
                 return keep_home(_told(chain, moved, places, forgiven, gap, spurious), states[0].q)
-            states += fresh
-            moved, states = _closing_everywhere(moved, states, rank, places, forgiven)
+            # From the start again: moves that closed a part of the motion lie in a narrow valley of those for the rest.
+            again = [close_at_precision(chain, state.q, forgiven, rank=rank).state for state in states + fresh]
+            moved, states = _closing_everywhere(chain, again, rank, places, forgiven)
             walk.at = states[-1]
     raise _undecided(chain, gap, spurious, "no near mechanism was found that keeps this freedom")
 
