@@ -50,7 +50,7 @@ _FLOOR = 1e-10
 """Share of the largest singular value that moves of places have for nothing: these leave the loops as they are."""
 _WANDERING = 0.4
 """How far from straight on it goes, for each freedom."""
-_REGULAR = (0.02, 0.1, 0.3, 0.05)
+_REGULAR = (0.02, 0.02, 0.1, 0.02, 0.3, 0.05, 0.02, 0.1)
 """Share of its size at home that the smallest singular value of a configuration needs to have to be used: as far as
 possible along the motion first, since that tells moves apart best."""
 
@@ -124,13 +124,14 @@ def _absorbed(
     spurious = values[rank:]
     if max(gap, spurious.max(initial=0.0)) <= _EXACT:
         # Home may be exact by its symmetry, and the motion not.
-        probe = _Walk(home.state, rank, forgiven, _REGULAR[0]).on(chain, _PROBES)
+        probe = _Walk(home.state, rank, forgiven, _REGULAR[0], np.random.default_rng(0)).on(chain, _PROBES)
         if probe is None or _open(probe) <= CLOSED:
             return None
+    rng, ease = np.random.default_rng(0), np.ones(6 * len(places))
     for regular in _REGULAR:
-        walk = _Walk(home.state, rank, forgiven, regular)
+        walk = _Walk(home.state, rank, forgiven, regular, rng)
         moved, states = chain, [home.state]
-        for _ in range(_ROUNDS):
+        for number in range(_ROUNDS):
             fresh = walk.on(moved)
             if fresh is None:
                 return None
@@ -139,8 +140,12 @@ def _absorbed(
                 return keep_home(_told(chain, moved, places, forgiven, gap, spurious), states[0].q)
             # From the start again: moves that closed a part of the motion lie in a narrow valley of those for the rest.
             again = [close_at_precision(chain, state.q, forgiven, rank=rank).state for state in states + fresh]
-            moved, states = _closing_everywhere(chain, again, rank, places, forgiven)
+            moved, states = _closing_everywhere(chain, again, rank, places, forgiven, ease)
             walk.at = states[-1]
+            if _open(states) > CLOSED and number:
+                break
+        # Between two families of mechanisms no small move leads to either; unequal ones leave the middle.
+        ease = 10.0 ** rng.uniform(-1.0, 0.0, ease.size)
     raise _undecided(chain, gap, spurious, "no near mechanism was found that keeps this freedom")
 
 
@@ -158,10 +163,10 @@ def _undecided(chain: ClosedChain, gap: float, values: FloatArray, why: str) -> 
 class _Walk:
     """Configurations along the motion, each near the one before, far from its singularities; seeded."""
 
-    def __init__(self, home: State, rank: int, forgiven: float, regular: float) -> None:
+    def __init__(self, home: State, rank: int, forgiven: float, regular: float, rng: np.random.Generator) -> None:
         self.at, self.rank, self.forgiven = home, rank, forgiven
         self.least = regular * _smallest(home, rank)
-        self.rng = np.random.default_rng(0)
+        self.rng = rng
         self.along = np.zeros(home.chain.nv)
 
     def on(self, chain: ClosedChain, wanted: int = 0) -> list[State] | None:
@@ -199,7 +204,12 @@ def _smallest(state: State, rank: int) -> float:
 
 
 def _closing_everywhere(
-    chain: ClosedChain, states: Sequence[State], rank: int, places: Sequence[_Place], forgiven: float
+    chain: ClosedChain,
+    states: Sequence[State],
+    rank: int,
+    places: Sequence[_Place],
+    forgiven: float,
+    ease: FloatArray,
 ) -> tuple[ClosedChain, list[State]]:
     """Move the places by the least that closes the loops at all states, which move along (Levenberg-Marquardt)."""
     states = [chain.at(state.q) for state in states]
@@ -212,7 +222,7 @@ def _closing_everywhere(
         if not columns:
             columns = [_columns(state, places) for state in states]
             left = [np.linalg.svd(state.rows)[0][:, rank:].T for state in states]
-            matrix = np.vstack([rows @ column for rows, column in zip(left, columns, strict=True)])
+            matrix = np.vstack([rows @ column for rows, column in zip(left, columns, strict=True)]) * ease
             right = np.concatenate(
                 [rows @ state.relative_gap for rows, state in zip(left, states, strict=True)]
             )
@@ -220,7 +230,7 @@ def _closing_everywhere(
         # Damped by the size of the residual: the least moves, whatever the rank of these equations. Round-off, of
         # size EPS in every one, may not move anything farther than digits reach.
         damping = extra * float(np.linalg.norm(right)) + _FLOOR * s[0] + EPS * np.sqrt(right.size) / forgiven
-        moves = -vt.T @ ((s / (s**2 + damping**2)) * (u.T @ right))
+        moves = -ease * (vt.T @ ((s / (s**2 + damping**2)) * (u.T @ right)))
         trial = _moved(chain, places, moves)
         trials = [
             _followed(trial, state, column @ moves, rank)
