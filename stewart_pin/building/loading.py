@@ -12,6 +12,7 @@ from stewart_pin.building.resources import find_robot
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError, MechanismError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
+from stewart_pin.model.candidates import platform_candidates
 from stewart_pin.model.description import JointKind, Mechanism
 from stewart_pin.model.formats.precision import Precision, printed_precision
 from stewart_pin.model.formats.reading import read_mechanism
@@ -44,10 +45,11 @@ def load(
         Gepetto YAML that declares the loops of a URDF; default: one of the URDF's name beside it, if there is any.
     motors
         Names of the motor joints, in order; default: the joints that the file marks ``independent="true"`` or lists,
-        that its transmissions name without doubt, or that an MJCF file drives by actuators.
+        that its transmissions name without doubt, or that an MJCF file drives by actuators; none where there are none.
     platform
         Name of the platform link; default: the parent link of the ``<end_effector name="platform">``, or else the
-        link (in MJCF: body or site) called ``platform``.
+        link (in MJCF: body or site) called ``platform``; None where there is none. Verbs that need a platform or motors
+        then raise `MissingRoleError`, which names the candidates.
     gravity
         (3,) acceleration of free fall in the world frame [m/s²]; None: what the file states, or else
         (0, 0, -9.81).
@@ -71,7 +73,7 @@ def load(
     FileFormatError
         If the file is missing, broken or of an unknown dialect.
     MechanismError
-        If masses, joints, loops, motors or platform make no mechanism.
+        If masses, joints or loops make no mechanism, or motors or platform are none of it.
 
     Examples
     --------
@@ -107,9 +109,9 @@ def build_chain(
     mechanism
         Links, joints and loops.
     motors
-        Names of the motor joints, in order; default: the joints marked independent.
+        Names of the motor joints, in order; default: the joints marked independent, if any.
     platform
-        Name of the platform link; default: the one the description names.
+        Name of the platform link; default: the one the description names, if any.
     gravity
         (3,) acceleration of free fall in the world frame [m/s²]; None: what the description states, or else
         (0, 0, -9.81).
@@ -151,15 +153,7 @@ def build_chain(
 def _motors(mechanism: Mechanism, motors: Sequence[str] | None) -> tuple[str, ...]:
     movable = [joint.name for joint in mechanism.joints if joint.has_axis]
     if motors is None:
-        named = tuple(joint.name for joint in mechanism.joints if joint.independent)
-        if not named:
-            raise MechanismError(
-                'no joint is marked as a motor (independent="true" in a URDF, an actuator in MJCF); pass motors=[...]; '
-                f"the candidates are: {', '.join(movable)}",
-                path=mechanism.source,
-                culprit="motors",
-            )
-        return named
+        return tuple(joint.name for joint in mechanism.joints if joint.independent)
     if isinstance(motors, str) or not isinstance(motors, Sequence):
         raise InputError(f"motors must be a sequence of joint names, got {motors!r}")
     for name in motors:
@@ -182,14 +176,14 @@ def _motors(mechanism: Mechanism, motors: Sequence[str] | None) -> tuple[str, ..
     return tuple(motors)
 
 
-def _platform(mechanism: Mechanism, platform: str | None) -> str:
-    links = [link.name for link in mechanism.links if link.name != mechanism.root]
+def _platform(mechanism: Mechanism, platform: str | None) -> str | None:
     chosen = mechanism.platform if platform is None else platform
-    if chosen is None or chosen not in links:
-        said = "no link is called 'platform'" if chosen is None else f"there is no moving link '{chosen}'"
+    links = [link.name for link in mechanism.links if link.name != mechanism.root]
+    if chosen is not None and chosen not in links:
         raise MechanismError(
-            f"{said}; pass platform=...; the candidates are: {', '.join(links)}",
+            f"there is no moving link '{chosen}'; pass platform=...; the candidates are: "
+            f"{', '.join(platform_candidates(mechanism))}",
             path=mechanism.source,
-            culprit=chosen or "platform",
+            culprit=str(chosen),
         )
     return chosen
