@@ -301,12 +301,15 @@ def require_held(state: State) -> None:
     ------
     ActuationError
         With the freedom that is left over.
+    MissingRoleError
+        If there are no motors at all.
     """
     from stewart_pin.state.state import named_motion  # noqa: PLC0415 - a state has a freedom, whose errors name motions
 
     freedom, chain = state.freedom, state.chain
     if freedom.held:
         return
+    chain.require_motors()
     direction = freedom.weakest / np.abs(freedom.weakest).max()
     raise ActuationError(
         f"the motors cannot hold the robot here: {freedom.lost.shape[1]} freedom(s) left over with all motors "
