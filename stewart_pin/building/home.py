@@ -99,9 +99,9 @@ def near_home(chain: ClosedChain, precision: float, *, searching: bool) -> Confi
     guess = home_guess(chain, inside=not assembled)
     q = guess if assembled else _alone_inside(chain, guess, given)
     near = close_at_precision(chain, q, precision).state
-    if near.largest_gap <= precision and not near.opposed():
-        if assembled or not (_moved(chain, guess, near.q, given) or _beyond_limits(chain, near.q)):
-            return near.q
+    closed = near.largest_gap <= precision and not near.opposed()
+    if closed and (assembled or not (_moved(chain, guess, near.q, given) or _beyond_limits(chain, near.q))):
+        return near.q
     if assembled or not searching:
         return None
     for group in _groups(chain):

@@ -23,7 +23,7 @@ from stewart_pin.model.description import JointKind, Mechanism, Note, Outcome
 from stewart_pin.model.formats.precision import Precision
 from stewart_pin.model.tree import build_tree
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.newton import close_at_precision, displaced, rank_at_precision
+from stewart_pin.state.newton import close_at_precision, displaced
 from stewart_pin.state.state import State
 from stewart_pin.tolerances import CLOSED, EPS
 from stewart_pin.typing import Configuration, FloatArray
@@ -139,7 +139,9 @@ def _absorbed(
                 # Home has followed; Newton's method without the rank would drift where it is all but closed.
                 return keep_home(_told(chain, moved, places, forgiven, gap, spurious), states[0].q)
             # From the start again: moves that closed a part of the motion lie in a narrow valley of those for the rest.
-            again = [close_at_precision(chain, state.q, forgiven, rank=rank).state for state in states + fresh]
+            again = [
+                close_at_precision(chain, state.q, forgiven, rank=rank).state for state in states + fresh
+            ]
             moved, states = _closing_everywhere(chain, again, rank, places, forgiven, ease)
             walk.at = states[-1]
             if _open(states) > CLOSED and number:
@@ -153,8 +155,8 @@ def _undecided(chain: ClosedChain, gap: float, values: FloatArray, why: str) -> 
     freedoms = chain.nv - (min(chain.nc, chain.nv) - values.size)
     return MechanismError(
         f"the loops close to {gap:.2g} robot sizes or radians, and their rows have the singular value "
-        f"{values.max(initial=0.0):.2g}: by the digits of the file there are {freedoms} freedoms, by its numbers fewer, "
-        f"and {why}; print more digits, or let load take the numbers as they stand by closure_tolerance=1e-15",
+        f"{values.max(initial=0.0):.2g}: by the digits of the file there are {freedoms} freedoms, by its numbers "
+        f"fewer, and {why}; print more digits, or let load take the numbers as they stand by closure_tolerance=1e-15",
         path=chain.mechanism.source,
         culprit="loops",
     )
@@ -163,7 +165,9 @@ def _undecided(chain: ClosedChain, gap: float, values: FloatArray, why: str) -> 
 class _Walk:
     """Configurations along the motion, each near the one before, far from its singularities; seeded."""
 
-    def __init__(self, home: State, rank: int, forgiven: float, regular: float, rng: np.random.Generator) -> None:
+    def __init__(
+        self, home: State, rank: int, forgiven: float, regular: float, rng: np.random.Generator
+    ) -> None:
         self.at, self.rank, self.forgiven = home, rank, forgiven
         self.least = regular * _smallest(home, rank)
         self.rng = rng
@@ -360,7 +364,9 @@ def _told(
         text = f"moved by {shift:.2g} m and turned by {turn:.2g} rad, as the loops need to keep their freedom"
         notes.append(Note(str(place), text, Outcome.CHANGED))
     if np.sqrt(total) > forgiven:
-        why = f"the nearest mechanism that has them is {np.sqrt(total):.2g} away, more than the digits explain"
+        why = (
+            f"the nearest mechanism that has them is {np.sqrt(total):.2g} away, more than the digits explain"
+        )
         raise _undecided(chain, gap, values, why)
     freedoms = chain.nv - (min(chain.nc, chain.nv) - values.size)
     shown = ", ".join(f"{value:.2g}" for value in values[:6]) + (", ..." if values.size > 6 else "")

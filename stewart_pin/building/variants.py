@@ -130,7 +130,9 @@ def massless_legs(chain: ClosedChain, *, point_platform: bool = False) -> Closed
         If the platform's mass is to be gathered, but no link that is fixed to the platform has an inertia.
     """
     bodies = {link.name: link.inertia for link in chain.mechanism.links if link.inertia is not None}
-    ground, platform = (fixed_to(chain.mechanism, link) for link in (chain.mechanism.root, chain.platform_link))
+    ground, platform = (
+        fixed_to(chain.mechanism, link) for link in (chain.mechanism.root, chain.platform_link)
+    )
     inertias = {name: pin.Inertia.Zero() for name in bodies if name not in {*ground, *platform}}
     if point_platform:
         carriers = [name for name in platform if name in bodies]

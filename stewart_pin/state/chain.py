@@ -174,7 +174,7 @@ class ClosedChain:
         both = self.platform is None and not self.motors
         return MissingRoleError(
             f"'{self.name}' has {'neither platform nor motors' if both else what}, and the {role} "
-            f"{'is' if role == 'platform' else 'are'} needed here; pass load {' and '.join(said)}",
+            f"{'is' if role == 'platform' else 'are'} needed here; tell load {', and '.join(said)}",
             missing=role,
             candidates=candidates,
         )

@@ -187,9 +187,7 @@ class FunctionSet:
             around it with closed loops [m, rad, unit quaternions].
         """
         chain = self.chain
-        pose = (
-            np.zeros(0) if chain.platform is None else pin.SE3ToXYZQUAT(platform_pose(chain, chain.q_home))
-        )
+        pose = np.zeros(0) if chain.platform is None else pin.SE3ToXYZQUAT(platform_pose(chain, chain.q_home))
         target = pose if self.coordinates == "platform" else chain.q_home[chain.motor_q_index]
         if state == "pose" and self.placed is not None:
             return pose, target, self.placed.plan.poses

@@ -22,9 +22,7 @@ _EXACT = 15
 """Decimals from which on a number is as fine as a float, or nothing but round-off."""
 
 _LENGTHS = frozenset({"xyz", "pos", "anchor", "xyz_offset", "proximal_to_common", "distal_to_common"})
-_ANGLES = frozenset(
-    {"rpy", "quat", "euler", "axis", "axis2", "axisangle", "xyaxes", "zaxis", "quat_xyzw"}
-)
+_ANGLES = frozenset({"rpy", "quat", "euler", "axis", "axis2", "axisangle", "xyaxes", "zaxis", "quat_xyzw"})
 _BOTH = frozenset({"relpose", "pose"})
 _ASIDE = frozenset(
     {"inertial", "visual", "collision", "geom", "material", "asset", "mesh", "camera", "light", "sensor"}
