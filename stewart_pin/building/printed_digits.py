@@ -30,8 +30,9 @@ from stewart_pin.typing import Configuration, FloatArray
 
 _COARSEST = 5e-3
 """Largest gap that digits may explain unasked, in robot sizes and radians: beyond it a file is wrong, not coarse."""
-_MARGIN = 2.0
-"""How much more than all roundings together is forgiven: they add up along a loop by its levers."""
+_MARGIN = 8.0
+"""How much more than all roundings together is forgiven: levers multiply them, and a short line between two points of a
+file, as of two balls that make a hinge, turns by more than its ends are off."""
 _EXACT = 1e-13
 """Singular values below this are round-off of a mechanism whose numbers are exact."""
 _SAMPLES = 8

@@ -374,16 +374,18 @@ def close_at_precision(
     own = rank
     for _ in range(MAX_ITERATIONS):
         size = float(np.linalg.norm(residual))
+        values = np.linalg.svd(state.rows, compute_uv=False)
         if rank is None:
-            values = np.linalg.svd(state.rows, compute_uv=False)
             own = rank_at_precision(values, precision) if size <= precision else None
-        step = _least_norm_step(residual, state.rows, size if own is None else 0.0, own)
+        # What may be digits is followed nowhere: it would lead far along the motion.
+        kept = int(np.count_nonzero(values > precision)) if own is None else own
+        step = _least_norm_step(residual, state.rows, size if own is None else 0.0, kept)
         trial = displaced(state, step)
         better = float(np.linalg.norm(trial.relative_gap)) < size
         if not better and (own is not None or size <= precision):
             break
         if not better:
-            step = _least_norm_step(residual, state.rows, 10 * size, None)
+            step = _least_norm_step(residual, state.rows, 10 * size, kept)
             trial = displaced(state, step)
             if not float(np.linalg.norm(trial.relative_gap)) < size:
                 break
