@@ -36,8 +36,8 @@ def inspect(
     table.add_row("sizes", ", ".join(f"{name} {value}" for name, value in sizes.items()))
     table.add_row("links", ", ".join(link.name for link in chain.mechanism.links))
     table.add_row("joints", ", ".join(f"{joint.name}: {joint.kind}" for joint in chain.mechanism.joints))
-    motors, links = motor_candidates(chain.mechanism), platform_candidates(chain.mechanism)
-    table.add_row("motors", ", ".join(chain.motors) or f"none; candidates, best guess first: {_few(motors)}")
+    drives, links = motor_candidates(chain.mechanism), platform_candidates(chain.mechanism)
+    table.add_row("motors", ", ".join(chain.motors) or f"none; candidates, best guess first: {_few(drives)}")
     table.add_row("platform", chain.platform or f"none; candidates, best guess first: {_few(links)}")
     table.add_row(
         "loops", "\n".join(f"{x.name}: {x.kind}, {x.link1} to {x.link2}" for x in chain.loops) or "none"
@@ -64,7 +64,7 @@ def inspect(
     roles = {
         "motors": chain.motors,
         "platform": chain.platform,
-        "motor_candidates": motors,
+        "motor_candidates": drives,
         "platform_candidates": links,
     }
     write_json(json, {"robot": chain.name, **sizes, **roles, "mobility": asdict(report), "notes": notes})

@@ -93,11 +93,7 @@ ANSWERS: dict[str, Callable[[stp.ClosedChain, Path], Any]] = {
     "joint_reactions": lambda c, f: stp.joint_reactions(
         c, c.q_home, np.zeros(3), stp.inverse_dynamics(c, c.q_home, np.zeros(3), falling(c), throw=False)
     ),
-    "lock_joints": lambda c, f: (
-        stp.lock_joints(balls(c), ["a"], at=c.q_home)
-        if "at" in inspect.signature(stp.lock_joints).parameters
-        else stp.lock_joints(c, ["a"])
-    ),
+    "lock_joints": lambda c, f: stp.lock_joints(c, ["a"]),
     "loop_bias": lambda c, f: stp.loop_bias(c, c.q_home, np.zeros(3)),
     "loop_gap": lambda c, f: stp.loop_gap(c, c.q_home),
     "loop_jacobian": lambda c, f: stp.loop_jacobian(c, c.q_home),
