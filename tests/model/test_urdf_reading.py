@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.errors import FileFormatError, MechanismError
+from stewart_pin.errors import FileFormatError, MechanismError, MissingRoleError
 from stewart_pin.model.description import JointKind, Report
 from stewart_pin.model.formats.urdf import read_urdf
 from tests.small_urdf import (
@@ -296,8 +296,9 @@ def test_another_link_may_be_the_platform(tmp_path: Path) -> None:
 
 
 def test_the_motors_are_named_when_none_is_marked(tmp_path: Path) -> None:
-    with pytest.raises(MechanismError, match="the candidates are: shoulder, elbow"):
-        stp.load(write(tmp_path, robot(*ARM).replace(MOTOR, "")))
+    chain = stp.load(write(tmp_path, robot(*ARM).replace(MOTOR, "")))
+    with pytest.raises(MissingRoleError, match="best guess first: shoulder, elbow"):
+        chain.require_motors()
 
 
 def test_an_inertia_of_no_real_body_is_refused_or_kept_aloud(tmp_path: Path) -> None:

@@ -71,6 +71,7 @@ def read_mjcf(path: Path) -> Mechanism:
         name=name if name not in ("", "MuJoCo Model") else path.stem,
         links=tree.links,
         joints=drive.joints,
+        motor_hints=drive.hints,
         loops=ties.loops,
         couplings=ties.couplings,
         platform=tree.platform,
