@@ -7,6 +7,7 @@ what drives, by one elimination with pivots chosen on samples. Idle freedoms get
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -142,8 +143,7 @@ def follow(driven: DrivenTree, k: int) -> ca.SX:
 
 def _infeasible(driven: DrivenTree, motion: ca.SX, demand: ca.SX) -> ca.SX:
     """Part of a demand on the drive that the chain cannot follow, relative to 1 and to the demand."""
-    nc = driven.closed.tree.nc
-    dropped = [k - nc for k in driven.reduced.pivots.columns if k >= nc]
+    dropped = _dropped(driven)
     if not dropped:
         return ca.SX(0)
     left = driven.drive[:, dropped].T @ motion - demand[dropped]
@@ -323,7 +323,30 @@ def closing_equations(driven: DrivenTree) -> NewtonEquations:
         move=lambda q, step: integrated(tree, q, step),
         sizes=chain.tangent_scale,
         determinant=driven.reduced.determinant(closed.usual),
+        approach=_approach(driven, sizes) if _dropped(driven) else None,
     )
+
+
+def _approach(driven: DrivenTree, sizes: np.ndarray) -> Callable[[ca.SX], ca.SX]:
+    """Close the loops, and come as near to a demand as can be in all the rows of the drive; idle motions at rest."""
+    closed, nc = driven.closed, driven.closed.tree.nc
+    share = constant(np.diag(1 / sizes)) @ (driven.drive.T @ closed.motions)
+    square, scale = share.T @ share, closed.motion_scale
+    values = closed.values(square) * scale[:, None] * scale
+
+    def close(gap: ca.SX) -> ca.SX:
+        across = closed.reduced.transposed(-gap[:nc])
+        left = constant(1 / sizes) * (gap[nc:] + driven.drive.T @ across)
+        steps, _, _ = solve_symmetric(square, -(share.T @ left), values)
+        return across + closed.motions @ ca.vertcat(*steps)
+
+    return close
+
+
+def _dropped(driven: DrivenTree) -> list[int]:
+    """Rows of the drive that follow from the others."""
+    nc = driven.closed.tree.nc
+    return [k - nc for k in driven.reduced.pivots.columns if k >= nc]
 
 
 def _pose_error(closed: ClosedTree, target: ca.SX) -> tuple[ca.SX, ca.SX]:

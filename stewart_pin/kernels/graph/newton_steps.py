@@ -45,6 +45,8 @@ class NewtonEquations:
         (j,) natural size of each entry of a displacement [m or rad].
     determinant
         (1, 1) changes its sign at singularities.
+    approach
+        As `close`, for targets that need not be within reach: comes as near as can be. None where `close` does.
     """
 
     state: ca.SX
@@ -55,6 +57,7 @@ class NewtonEquations:
     move: Callable[[ca.SX, ca.SX], ca.SX]
     sizes: FloatArray
     determinant: ca.SX
+    approach: Callable[[ca.SX], ca.SX] | None = None
 
 
 def damped_step(name: str, equations: NewtonEquations) -> ca.Function:
@@ -163,7 +166,8 @@ def stretch_step(name: str, equations: NewtonEquations) -> ca.Function:
     """Write a double step towards a target between two others, which need not be within reach.
 
     What is solved for has closed where the moves end: a pose between two that a platform of few freedoms can take is
-    none that it can take.
+    none that it can take. It is approached in all its entries, as the verbs of one state do: of those that the pivots
+    stand for, one may turn back, as a crank's height does, and no step would be left to take.
 
     Parameters
     ----------
@@ -177,5 +181,6 @@ def stretch_step(name: str, equations: NewtonEquations) -> ca.Function:
     casadi.Function
         As `double_step`; the gap is that of the moves.
     """
-    step = equations.close(equations.gap) / constant(equations.sizes)
-    return double_step(name, replace(equations, size=step))
+    close = equations.approach or equations.close
+    step = close(equations.gap) / constant(equations.sizes)
+    return double_step(name, replace(equations, size=step, close=close))

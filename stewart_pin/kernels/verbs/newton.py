@@ -15,6 +15,8 @@ _CLOSED = 1e-11
 """Gap at which a row is closed, in robot sizes and radians: a few hundred units of round-off."""
 _CLOSED_SINGLE = 1e-5
 """The same in single precision."""
+_ON_THE_WAY = 1e-8
+"""Move at which a stretch that is not the last is through: poses out of reach are approached by linear convergence."""
 _ANY_GAP = 1e30
 """Larger than any, and a number in single precision too."""
 _DOUBLE_STEPS = 6
@@ -248,19 +250,23 @@ def _double_steps(
     target: FloatArray,
     threads: int,
     out: FloatArray | None = None,
+    tolerance: float = 0.0,
 ) -> tuple[FloatArray, BoolArray, BoolArray]:
     """Take double steps until a row has closed, or has had enough of them; say who closed, and who surely stayed."""
     room = None if out is None else [out, None, None]
-    states, gap, largest = kernel.repeated(_repeat(kernel))(start, target, _NONE, out=room, threads=threads)
-    closed = gap[:, 0] <= _tolerance_of(kernel)
+    repeat = _repeat(kernel, tolerance)
+    states, gap, largest = kernel.repeated(repeat)(start, target, _NONE, out=room, threads=threads)
+    closed = gap[:, 0] <= repeat.tolerance
     return states, closed, closed & (np.abs(largest[:, 0]) <= _CONTRACTION)
 
 
-def _repeat(kernel: ArrayKernel) -> Repeat:
+def _repeat(kernel: ArrayKernel, tolerance: float = 0.0) -> Repeat:
+    """Repeat double steps down to round-off, or to a tolerance above it."""
     (state, _, before), (following, gap, largest) = kernel.program.inputs, kernel.program.outputs
     also = ((before.name, largest.name),)
     # The step after a closed gap leaves nothing but round-off.
-    return Repeat(state.name, following.name, gap.name, _tolerance_of(kernel), _DOUBLE_STEPS, also)
+    closed = max(tolerance, _tolerance_of(kernel))
+    return Repeat(state.name, following.name, gap.name, closed, _DOUBLE_STEPS, also)
 
 
 def _follow(
@@ -284,7 +290,7 @@ def _follow(
         reach = np.minimum(share[on_the_way] + length[on_the_way], 1.0)
         aim = between(start_target[on_the_way], target[on_the_way], reach)
         stretches = [steps.stretch() for steps in plans.known()]
-        found, good = _by_any(stretches, state[on_the_way], aim, threads)
+        found, good = _by_any(stretches, state[on_the_way], aim, threads, _ON_THE_WAY)
         forward = on_the_way[good]
         state[forward], share[forward] = found[good], reach[good]
         length[forward] *= 2.0
@@ -300,7 +306,11 @@ def _follow(
 
 
 def _by_any(
-    kernels: Sequence[ArrayKernel], start: FloatArray, target: FloatArray, threads: int
+    kernels: Sequence[ArrayKernel],
+    start: FloatArray,
+    target: FloatArray,
+    threads: int,
+    tolerance: float = 0.0,
 ) -> tuple[FloatArray, BoolArray]:
     """Step with the first choice of pivots that serves."""
     state, good = start.copy(), np.zeros(len(start), dtype=bool)
@@ -308,7 +318,9 @@ def _by_any(
         left = np.flatnonzero(~good)
         if not len(left):
             break
-        state[left], _, good[left] = _double_steps(kernel, start[left], target[left], threads)
+        state[left], _, good[left] = _double_steps(
+            kernel, start[left], target[left], threads, tolerance=tolerance
+        )
     return state, good
 
 

@@ -1,0 +1,322 @@
+"""Many regular states of any chain, in all coordinates of kernels, and what becomes of them there.
+
+States are drawn by displacing home, or a state drawn before, and closing the loops, with no regard to motors, platform
+or branch; velocities keep the loops closed, accelerations follow from drawn efforts. What kernels find from the motors
+or the platform alone is then known beforehand. Where they find something else, the state may lie on another branch than
+that of home: then the verbs of one state tell what is right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+import stewart_pin as stp
+from stewart_pin.errors import ClosureError, InputError, SingularityError, UnsupportedError
+from stewart_pin.kernels.graph.driven_tree import integrated
+from stewart_pin.kernels.graph.functions import shared
+from stewart_pin.kernels.graph.loop_gaps import opposed_axes
+from stewart_pin.kernels.graph.platform_frame import platform_bias, platform_columns
+from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree
+from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.kernels.running.array_kernel import Engine
+from stewart_pin.kernels.verbs.configurations import as_poses
+from stewart_pin.state.generic import regularity
+from tests.closed_states import robot
+
+Coordinates = Literal["tree", "motor", "platform"]
+COORDINATES: tuple[Coordinates, ...] = ("tree", "motor", "platform")
+REGULAR = 1e-2
+"""Share of the usual regularity from which on a state must be answered; nearer to a singularity it may be refused."""
+SPREAD = 0.4
+"""How far a state is displaced at a time, in robot sizes and radians."""
+GENERATIONS = 5
+"""How often a state has been displaced, at most."""
+AGREEMENT = 1e-11
+"""Share of efforts by which they may differ at states where no digits are lost: a thousand operations in a row."""
+
+
+@dataclass(frozen=True, eq=False)
+class States:
+    """Closed states that move, and the efforts that make them move so."""
+
+    q: np.ndarray
+    v: np.ndarray
+    a: np.ndarray
+    tau_motor: np.ndarray
+    pose: np.ndarray | None
+    twist: np.ndarray | None
+    acceleration: np.ndarray | None
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def given(
+        self, chain: stp.ClosedChain, coordinates: Coordinates
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Say what kernels are given."""
+        if coordinates == "tree":
+            return self.q, self.v, self.a
+        if coordinates == "motor":
+            return self.q[:, chain.motor_q_index], self.v[:, chain.motor_index], self.a[:, chain.motor_index]
+        assert self.pose is not None and self.twist is not None and self.acceleration is not None
+        return self.pose, self.twist, self.acceleration
+
+
+@dataclass
+class Found:
+    """Counts of states.
+
+    `other` are those that kernels find on the branch of home where the drawn one lies on another, `refused` those that
+    have no right to an answer: singular, or out of reach of home for the verbs of one state as well. `bold` are answers
+    where these have none. What must not be: `missing`, refused though regular, and `wrong`.
+    """
+
+    states: int = 0
+    answered: int = 0
+    other: int = 0
+    refused: int = 0
+    bold: int = 0
+    missing: int = 0
+    wrong: int = 0
+    worst: float = 0.0
+    undone: float = 0.0
+    examples: list[tuple[str, int, float]] = field(default_factory=list)
+
+
+class Mechanism:
+    """A chain with its kernels, compiled when they are asked for."""
+
+    def __init__(self, name: str, engine: Engine | None = None) -> None:
+        self.chain = robot(name)
+        self._engine: Engine | None = engine
+        self._kernels: dict[Coordinates, stp.Kernels | None] = {}
+        self._closed = close_tree(self.chain)
+
+    def kernels(self, coordinates: Coordinates) -> stp.Kernels | None:
+        """Kernels, or None where the coordinates do not determine the chain."""
+        if coordinates not in self._kernels:
+            try:
+                made = stp.compile_kernels(self.chain, coordinates=coordinates, engine=self._engine)
+            except UnsupportedError:
+                made = None
+            self._kernels[coordinates] = made
+        return self._kernels[coordinates]
+
+    @property
+    def by_tree(self) -> stp.Kernels:
+        kernels = self.kernels("tree")
+        assert kernels is not None
+        return kernels
+
+    def compiled(self, write: Callable[[ClosedTree], ca.Function]) -> Callable[..., tuple[np.ndarray, ...]]:
+        return stp.compile_function(write(self._closed), engine=self._engine)
+
+    def draw(self, count: int, rng: np.random.Generator, *, moving: bool = True) -> States:
+        """Draw states; their number is about the count, less those whose loops did not close."""
+        chain = self.chain
+        q = self._configurations(count, rng)
+        project = stp.compile_function(self.by_tree.casadi("tree_projection"), engine=self._engine)
+        push = 9.81 * pin.computeTotalMass(chain.model) * chain.length_scale
+        tau = rng.normal(size=(len(q), chain.nu)) * push / chain.tangent_scale[chain.motor_index]
+        status = np.zeros(len(q), dtype=np.int8)
+        if moving:
+            v = project(q, rng.normal(size=(len(q), chain.nv)) * chain.tangent_scale)[1]
+            a = self.by_tree.forward_dynamics(q, v, tau, status=status)
+        else:
+            v, a = np.zeros((2, len(q), chain.nv))
+        tau = self.by_tree.inverse_dynamics(q, v, a)
+        good = np.isfinite(v).all(axis=1) & (status == StateStatus.OK)
+        q, v, a, tau = q[good], v[good], a[good], tau[good]
+        if chain.platform is None:
+            return States(q, v, a, tau, None, None, None)
+        pose = as_poses(*stp.compile_function(self.by_tree.casadi("platform_pose"), engine=self._engine)(q))
+        return States(q, v, a, tau, pose, *self.compiled(_moved_platform)(q, v, a))
+
+    def _configurations(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        chain = self.chain
+        if not chain.nc:
+            step = rng.uniform(-2, 2, (count, chain.nv)) * chain.tangent_scale
+            return np.array([pin.integrate(chain.model, chain.q_home, one) for one in step])
+        project = stp.compile_function(self.by_tree.casadi("tree_projection"), engine=self._engine)
+        displace = self.compiled(_displaced)
+        home, still = np.tile(chain.q_home, (-(-count // GENERATIONS), 1)), np.zeros(chain.nv)
+        now, drawn = home, []
+        for _ in range(GENERATIONS):
+            now = displace(now, rng.uniform(-SPREAD, SPREAD, (len(now), chain.nv)) * chain.tangent_scale)[0]
+            for _ in range(8):
+                now, _, _, _, left = project(now, still)
+            closed = (left[:, 0] <= 1e-13) & (displace(now, still)[1][:, 0] == 0)
+            drawn.append(now[closed])
+            now = np.where(closed[:, None], now, home)
+        return np.concatenate(drawn)[:count]
+
+
+def _displaced(closed: ClosedTree) -> ca.Function:
+    """Displaced configuration, and whether a loop has closed with its axes opposed."""
+    step = ca.SX.sym("step", closed.tree.nv)
+    opposed = opposed_axes(closed.tree, closed.at)
+    turned = ca.norm_inf(opposed) > 0 if opposed.numel() else ca.SX(0)
+    return shared(
+        "displaced",
+        {"q": closed.q, "step": step},
+        {"next": integrated(closed.tree, closed.q, step), "turned": turned},
+    )
+
+
+def _moved_platform(closed: ClosedTree) -> ca.Function:
+    v, a = ca.SX.sym("v", closed.tree.nv), ca.SX.sym("a", closed.tree.nv)
+    rows = platform_columns(closed).T
+    return shared(
+        "moved",
+        {"q": closed.q, "v": v, "a": a},
+        {"twist": rows @ v, "acceleration": rows @ a + platform_bias(closed, v)},
+    )
+
+
+def examine(
+    mechanism: Mechanism, coordinates: Coordinates, states: States, rng: np.random.Generator, judged: int
+) -> Found | None:
+    """See what kernels make of states; None where the chain does not admit the coordinates.
+
+    All are compared with the efforts that are known; of those that agree, and of those that do not, and of those that
+    are refused, up to `judged` each are put before the verbs of one state.
+    """
+    chain, kernels = mechanism.chain, mechanism.kernels(coordinates)
+    if kernels is None:
+        return None
+    try:
+        kernels.casadi("inverse_dynamics")
+    except UnsupportedError:
+        return None
+    status, conditioning = np.empty(len(states), dtype=np.int8), np.empty(len(states))
+    given = states.given(chain, coordinates)
+    tau = kernels.inverse_dynamics(*given, status=status, conditioning=conditioning)
+    ok = status == StateStatus.OK
+    assert np.isfinite(tau[ok]).all() and np.isnan(tau[~ok]).all()
+    number = Found(len(states), int(ok.sum()))
+    off = _off(chain, tau, states.tau_motor)
+    allowed = _allowed(conditioning)
+    agree = ok & (off <= allowed)
+    number.worst = float((off / allowed)[agree].max(initial=0.0))
+    back = np.empty(len(states), dtype=np.int8)
+    motion = kernels.forward_dynamics(given[0], given[1], tau, status=back)
+    both = agree & (back == StateStatus.OK)
+    number.undone = _undone(chain, coordinates, motion[both], given[2][both])
+    judge = Judge(chain, coordinates, states, tau, allowed)
+    for k in _some(np.flatnonzero(agree), judged, rng):
+        if judge.of(k) != "right":
+            number.wrong += judge.last == "wrong"
+            number.bold += judge.last == "unknown"
+            number.examples.append((f"agrees, but is {judge.last}", int(k), judge.regular))
+    differ = np.flatnonzero(ok & ~agree)
+    for k in _some(differ, judged, rng):
+        verdict = judge.of(k)
+        number.other += verdict == "right"
+        number.bold += verdict == "unknown"
+        number.wrong += verdict == "wrong"
+        if verdict != "right":
+            number.examples.append((f"differs, and is {verdict}", int(k), judge.regular))
+    for k in _some(np.flatnonzero(~ok), judged, rng):
+        missing = judge.of(k) == "right" and judge.regular >= REGULAR
+        number.missing += missing
+        number.refused += not missing
+        if missing:
+            number.examples.append((f"refused with {StateStatus(int(status[k])).name}", int(k), judge.regular))
+    return number
+
+
+def _some(rows: np.ndarray, most: int, rng: np.random.Generator) -> np.ndarray:
+    return rows if len(rows) <= most else rng.choice(rows, most, replace=False)
+
+
+def _weight(chain: stp.ClosedChain) -> np.ndarray:
+    push = 9.81 * pin.computeTotalMass(chain.model) * chain.length_scale
+    return push / chain.tangent_scale[chain.motor_index]
+
+
+def _off(chain: stp.ClosedChain, found: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Largest difference of the efforts of each state, relative to the largest of them, or the weight."""
+    scale = _weight(chain)
+    size = np.maximum(1.0, np.abs(right / scale).max(axis=-1))
+    return np.abs((found - right) / scale).max(axis=-1) / size
+
+
+def _allowed(conditioning: np.ndarray) -> np.ndarray:
+    return AGREEMENT / np.clip(conditioning, 1e-9, 1.0)
+
+
+def _undone(
+    chain: stp.ClosedChain, coordinates: Coordinates, found: np.ndarray, right: np.ndarray
+) -> float:
+    """Largest difference of accelerations, relative to the largest of a state."""
+    if not len(found):
+        return 0.0
+    size = {
+        "tree": chain.tangent_scale,
+        "motor": chain.tangent_scale[chain.motor_index],
+        "platform": chain.twist_sizes,
+    }[coordinates]
+    off = np.abs((found - right) / size).max(axis=1)
+    return float((off / np.maximum(9.81 / chain.length_scale, np.abs(right / size).max(axis=1))).max())
+
+
+class Judge:
+    """What the verbs of one state say to an answer of kernels."""
+
+    def __init__(
+        self,
+        chain: stp.ClosedChain,
+        coordinates: Coordinates,
+        states: States,
+        tau: np.ndarray,
+        allowed: np.ndarray,
+    ) -> None:
+        self._given = (chain, coordinates, states, tau, allowed)
+        self.regular, self.last = 0.0, ""
+
+    def of(self, k: int) -> str:
+        """Return "right" or "wrong", of a refusal "right" where there is an answer, or "unknown" where there is none."""
+        chain, _, _, tau, allowed = self._given
+        state = self._state(k)
+        self.last = "unknown"
+        self.regular = 0.0
+        if state is None:
+            return self.last
+        self.regular = regularity(state)
+        try:
+            right = stp.inverse_dynamics(state).tau_motor
+        except SingularityError:
+            return self.last
+        off = float(_off(chain, tau[k], right))
+        limit = max(float(allowed[k]), AGREEMENT / self.regular**2)
+        self.last = "right" if not off > limit else "wrong"
+        return self.last
+
+    def _state(self, k: int) -> stp.State | None:
+        chain, coordinates, states = self._given[:3]
+        place, rate, acceleration = (x[k] for x in states.given(chain, coordinates))
+        if coordinates == "tree":
+            return chain.at(place, rate, acceleration)
+        try:
+            if coordinates == "motor":
+                closure = stp.forward_kinematics(chain, place, throw=False)
+                if not closure.success:
+                    return None
+                here = stp.motion_map(closure.state)
+                v = here.G @ rate
+                gamma = stp.motion_map(chain, closure.q, v).gamma
+                moving = rate.any() or acceleration.any()
+                return chain.at(closure.q, v, here.G @ acceleration + gamma if moving else 0 * v)
+            if not rate.any() and not acceleration.any():
+                closure = stp.inverse_kinematics(chain, pin.XYZQUATToSE3(place), limits=False, throw=False)
+                still = np.zeros(chain.nv)
+                return chain.at(closure.q, still, still) if closure.success else None
+            return stp.platform_motion(chain, pin.XYZQUATToSE3(place), rate, acceleration, limits=False)
+        except (ClosureError, SingularityError):
+            return None
