@@ -278,6 +278,8 @@ class Judge:
         allowed: np.ndarray,
     ) -> None:
         self._given = (chain, coordinates, states, tau, allowed)
+        # From a singular home, where branches meet, any of them will do: then from the drawn state.
+        self._from_home = regularity(chain.home_state()) >= 1e-3
         self.regular, self.last = 0.0, ""
 
     def of(self, k: int) -> str:
@@ -291,7 +293,7 @@ class Judge:
         self.regular = regularity(state)
         try:
             right = stp.inverse_dynamics(state).tau_motor
-        except SingularityError:
+        except (SingularityError, InputError):  # an acceleration beyond all measure keeps no loops closed
             return self.last
         off = float(_off(chain, tau[k], right))
         limit = max(float(allowed[k]), AGREEMENT / self.regular**2)
@@ -301,11 +303,12 @@ class Judge:
     def _state(self, k: int) -> stp.State | None:
         chain, coordinates, states = self._given[:3]
         place, rate, acceleration = (x[k] for x in states.given(chain, coordinates))
+        guess = None if self._from_home else states.q[k]
         if coordinates == "tree":
             return chain.at(place, rate, acceleration)
         try:
             if coordinates == "motor":
-                closure = stp.forward_kinematics(chain, place, throw=False)
+                closure = stp.forward_kinematics(chain, place, q_guess=guess, throw=False)
                 if not closure.success:
                     return None
                 here = stp.motion_map(closure.state)
@@ -313,10 +316,10 @@ class Judge:
                 gamma = stp.motion_map(chain, closure.q, v).gamma
                 moving = rate.any() or acceleration.any()
                 return chain.at(closure.q, v, here.G @ acceleration + gamma if moving else 0 * v)
+            pose, still = pin.XYZQUATToSE3(place), np.zeros(chain.nv)
             if not rate.any() and not acceleration.any():
-                closure = stp.inverse_kinematics(chain, pin.XYZQUATToSE3(place), limits=False, throw=False)
-                still = np.zeros(chain.nv)
+                closure = stp.inverse_kinematics(chain, pose, q_guess=guess, limits=False, throw=False)
                 return chain.at(closure.q, still, still) if closure.success else None
-            return stp.platform_motion(chain, pin.XYZQUATToSE3(place), rate, acceleration, limits=False)
+            return stp.platform_motion(chain, pose, rate, acceleration, q_guess=guess, limits=False)
         except (ClosureError, SingularityError):
             return None

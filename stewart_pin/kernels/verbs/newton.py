@@ -15,8 +15,9 @@ _CLOSED = 1e-11
 """Gap at which a row is closed, in robot sizes and radians: a few hundred units of round-off."""
 _CLOSED_SINGLE = 1e-5
 """The same in single precision."""
-_ON_THE_WAY = 1e-8
-"""Move at which a stretch that is not the last is through: poses out of reach are approached by linear convergence."""
+_ON_THE_WAY, _STEPS_ON_THE_WAY = 1e-6, 12
+"""Move at which a stretch is through, and double steps that it may take: what is out of reach is approached by linear
+convergence, and the end of the way is solved for again."""
 _ANY_GAP = 1e30
 """Larger than any, and a number in single precision too."""
 _DOUBLE_STEPS = 6
@@ -29,6 +30,8 @@ _NONE = np.zeros(1)
 """Contraction before the first step."""
 _STRETCHES = 400
 """Stretches after which a path is given up."""
+_PATIENCE = 50
+"""Stretches after which another choice of pivots is asked for though some rows are still on their way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,8 +268,8 @@ def _repeat(kernel: ArrayKernel, tolerance: float = 0.0) -> Repeat:
     (state, _, before), (following, gap, largest) = kernel.program.inputs, kernel.program.outputs
     also = ((before.name, largest.name),)
     # The step after a closed gap leaves nothing but round-off.
-    closed = max(tolerance, _tolerance_of(kernel))
-    return Repeat(state.name, following.name, gap.name, closed, _DOUBLE_STEPS, also)
+    closed, limit = max(tolerance, _tolerance_of(kernel)), _STEPS_ON_THE_WAY if tolerance else _DOUBLE_STEPS
+    return Repeat(state.name, following.name, gap.name, closed, limit, also)
 
 
 def _follow(
@@ -279,14 +282,17 @@ def _follow(
 ) -> tuple[FloatArray, BoolArray]:
     """Follow paths of targets, in stretches that are shortened where a branch might be lost."""
     state, share, length = start.copy(), np.zeros(len(start)), np.full(len(start), 0.5)
-    for _ in range(_STRETCHES):
-        on_the_way = np.flatnonzero((share < 1.0) & (length >= _SHORTEST))
+    for count in range(1, _STRETCHES + 1):
+        under_way = share < 1.0
+        on_the_way = np.flatnonzero(under_way & (length >= _SHORTEST))
+        stuck = np.flatnonzero(under_way & (length < _SHORTEST))
+        # A few slow ones must not keep the others waiting.
+        if plans.further is not None and len(stuck) and (not len(on_the_way) or count % _PATIENCE == 0):
+            if plans.further(state[stuck]):
+                length[stuck] = 0.1
+                continue
         if not len(on_the_way):
-            stuck = np.flatnonzero(share < 1.0)
-            if plans.further is None or not len(stuck) or not plans.further(state[stuck]):
-                break
-            length[stuck] = 0.1
-            continue
+            break
         reach = np.minimum(share[on_the_way] + length[on_the_way], 1.0)
         aim = between(start_target[on_the_way], target[on_the_way], reach)
         stretches = [steps.stretch() for steps in plans.known()]
