@@ -43,8 +43,8 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
     conditioning   (N,) array for the conditioning of each state, dimensionless: the smallest of the pivots that the
                    verb divides by, each relative to its median around home. Near one all digits are good, at 1e-6 six
                    of them are lost. Below 1e-6 (1e-4 in single precision) a state counts as singular, as for the
-                   verbs of one state. Of configurations that are looked for, c, it is min(c, 1000 c²): they have lost
-                   digits before
+                   verbs of one state. Of configurations that are looked for, c, it is c² where that is less: they have
+                   lost digits before
     threads        number of threads, each for a range of states; the results are the same, bit for bit
     ============== ===============================================================================================
 

@@ -58,10 +58,10 @@ class Places:
 
 _GIVEN = {"platform": "pose", "tree": "q"}
 """What kernels take as it is given, by coordinates; motor positions are never enough."""
-_TWICE = 1e3
-"""Share of the digits that are lost twice, see `lost_twice`."""
 _SEARCHES = {"pose": "forward_kinematics", "q": "closing"}
 """Equations that lead to what kernels take."""
+_NO_STEP = np.zeros(1)
+"""Contraction before the first step."""
 _OF_POSES = ("inverse_kinematics", "forward_kinematics", "motor_jacobian")
 """Verbs of platform coordinates alone."""
 
@@ -253,7 +253,7 @@ class Caller:
         values = kernel(solved.states, *inputs[1:], out=out, status=codes, threads=places.threads)
         values = values if isinstance(values, tuple) else (values,)
         if self._wary(name):
-            self._look_again(name, (solved.states, *inputs[1:]), values, codes, places)
+            self._look_again(name, (solved.states, *inputs[1:]), values, codes, places, targets=states)
         if self._functions.other_elbows and not solved.kept.all():
             solved = self._by_whole_tree(name, (states, *inputs[1:]), solved, values, codes, places)
         given = self._given(solved, values, places.status, single=single, codes=codes)
@@ -306,19 +306,21 @@ class Caller:
         places: Places,
         *,
         single: bool = False,
+        targets: FloatArray | None = None,
     ) -> None:
-        """Answer poor rows by the choice of pivots that serves them best."""
+        """Answer poor rows by the choice of pivots that serves them best, also to close on their targets."""
         rows = np.flatnonzero(codes == StateStatus.SINGULAR)
         if not len(rows):
             return
         taken = [np.asarray(x)[rows] if np.ndim(x) > 1 else np.asarray(x) for x in inputs]
         taken[0] = np.atleast_2d(taken[0])
-        best, best_codes, known = self._best(name, taken, None, 0, places.threads)
+        aims = None if targets is None else targets[rows]
+        best, best_codes, known = self._best(name, taken, aims, None, 0, places.threads)
         while True:
             poor = np.flatnonzero(~(best[-1][:, 0] >= POOR))
-            if not len(poor) or not self._others.around_one_of(taken[0][poor]):
+            if not len(poor) or not self._others.around_one_of(taken[0][poor], best[-1][poor, 0]):
                 break
-            best, best_codes, known = self._best(name, taken, (best, best_codes), known, places.threads)
+            best, best_codes, known = self._best(name, taken, aims, (best, best_codes), known, places.threads)
         codes[rows] = best_codes
         given = values if isinstance(values, tuple) else (values,)
         for value, found in zip(given, best, strict=False):
@@ -333,6 +335,7 @@ class Caller:
         self,
         name: str,
         inputs: Sequence[Any],
+        targets: FloatArray | None,
         best: tuple[list[FloatArray], np.ndarray] | None,
         known: int,
         threads: int,
@@ -341,8 +344,10 @@ class Caller:
         plans = (self, *self._others)
         values, codes = best if best is not None else ([], np.zeros(0))
         for plan in plans[known:]:
-            status = np.zeros(len(inputs[0]), dtype=np.int8)
-            found = list(plan._kernel(name, graded=True, wary=False)(*inputs, status=status, threads=threads))
+            status, own = np.zeros(len(inputs[0]), dtype=np.int8), list(inputs)
+            if targets is not None and plan is not self:  # by poor pivots a configuration is known less well
+                own[0] = plan._steps(_SEARCHES["q"]).double(inputs[0], targets, _NO_STEP, threads=threads)[0]
+            found = list(plan._kernel(name, graded=True, wary=False)(*own, status=status, threads=threads))
             if not values:
                 values, codes = found, status
                 continue
@@ -465,10 +470,10 @@ def lost_twice(conditioning: FloatArray) -> None:
     Parameters
     ----------
     conditioning
-        (N,) of the configurations c, dimensionless; becomes min(c, 1000 c²): the error of a configuration, ε / c, is
-        enlarged by 1 / c; it is the larger loss below a thousandth, as measured at change points.
+        (N,) of the configurations c, dimensionless; becomes c² where that is less: the error of a configuration, ε / c,
+        is enlarged by 1 / c.
     """
-    np.minimum(conditioning, _TWICE * conditioning**2, out=conditioning)
+    np.minimum(conditioning, conditioning**2, out=conditioning)
 
 
 def _without_last(values: tuple[FloatArray, ...]) -> Any:

@@ -16,7 +16,7 @@ round-off in single precision."""
 _REGULAR = {"f8": SINGULAR, "f4": 1e-4}
 """Conditioning below which a state is singular: where the one-state verbs say so; in single precision with three digits
 left."""
-POOR = 1e-3
+POOR = 1e-2
 """Conditioning below which other pivots are tried."""
 
 

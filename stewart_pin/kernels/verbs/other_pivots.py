@@ -22,6 +22,8 @@ _MOST, _LOOKED_AT = 8, 8
 _BESIDE, _REGULAR = 1e-3, 1e-2
 """How far a state that is looked at may be from closed loops, and the share of the usual regularity it must have: where
 pivots are judged by the states around which they were chosen, these must be nothing special."""
+_BETTER = 10.0
+"""How much more regular than the best choice so far makes of it a state must be, for another choice to be worth it."""
 
 Kernels = TypeVar("Kernels")
 
@@ -56,13 +58,15 @@ class OtherPivots(Generic[Kernels]):
             self._made.append(self._make(self._functions.around(self._functions.chain.q_home)))
         return self._made[0]
 
-    def around_one_of(self, states: FloatArray) -> bool:
+    def around_one_of(self, states: FloatArray, served: FloatArray | None = None) -> bool:
         """Choose pivots around one of several configurations, at which the chain itself is regular.
 
         Parameters
         ----------
         states
             (k, nq) configurations where no choice serves [m, rad, unit quaternions].
+        served
+            (k,) best conditioning so far, dimensionless; None where there is none.
 
         Returns
         -------
@@ -72,7 +76,8 @@ class OtherPivots(Generic[Kernels]):
         if len(self._made) >= _MOST:
             return False
         for k in np.unique(np.linspace(0, len(states) - 1, _LOOKED_AT).astype(int)):
-            q = _regular(self._functions.chain, states[k])
+            found = 0.0 if served is None else float(np.nan_to_num(served[k]))
+            q = _regular(self._functions.chain, states[k], max(_REGULAR, _BETTER * found))
             if q is None:
                 continue
             try:
@@ -83,12 +88,12 @@ class OtherPivots(Generic[Kernels]):
         return False
 
 
-def _regular(chain: ClosedChain, q: FloatArray) -> Configuration | None:
+def _regular(chain: ClosedChain, q: FloatArray, least: float) -> Configuration | None:
     """Close the loops of a configuration, if that leads to a regular one beside it."""
     if not np.isfinite(q).all():
         return None
     q = pin.normalize(chain.model, np.array(q, dtype=float))
     closure = close_loops(chain, q, throw=False)
     moved = np.abs(pin.difference(chain.model, q, closure.q) / chain.tangent_scale).max(initial=0.0)
-    good = closure.success and moved < _BESIDE and regularity(closure.state) >= _REGULAR
+    good = closure.success and moved < _BESIDE and regularity(closure.state) >= least
     return closure.q if good else None
