@@ -35,6 +35,8 @@ REGULAR = 1e-2
 """Share of the usual regularity from which on a state must be answered; nearer to a singularity it may be refused."""
 SPREAD = 0.4
 """How far a state is displaced at a time, in robot sizes and radians."""
+TURN = 7.0
+"""How far from home a joint may be, in robot sizes and radians: a little more than a turn."""
 GENERATIONS = 5
 """How often a state has been displaced, at most."""
 AGREEMENT = 1e-11
@@ -146,12 +148,15 @@ class Mechanism:
         project = stp.compile_function(self.by_tree.casadi("tree_projection"), engine=self._engine)
         displace = self.compiled(_displaced)
         home, still = np.tile(chain.q_home, (-(-count // GENERATIONS), 1)), np.zeros(chain.nv)
+        joints = [joint for joint in chain.model.joints[1:] if joint.nq == joint.nv == 1]
+        plain, size = [j.idx_q for j in joints], chain.tangent_scale[[j.idx_v for j in joints]]
         now, drawn = home, []
         for _ in range(GENERATIONS):
             now = displace(now, rng.uniform(-SPREAD, SPREAD, (len(now), chain.nv)) * chain.tangent_scale)[0]
             for _ in range(8):
                 now, _, _, _, left = project(now, still)
             closed = (left[:, 0] <= 1e-13) & (displace(now, still)[1][:, 0] == 0)
+            closed &= (np.abs((now - home)[:, plain]) / size <= TURN).all(axis=1)
             drawn.append(now[closed])
             now = np.where(closed[:, None], now, home)
         return np.concatenate(drawn)[:count]
@@ -208,7 +213,7 @@ def examine(
     motion = kernels.forward_dynamics(given[0], given[1], tau, status=back)
     both = agree & (back == StateStatus.OK)
     number.undone = _undone(chain, coordinates, motion[both], given[2][both])
-    judge = Judge(chain, coordinates, states, tau, allowed)
+    judge = Judge(kernels, coordinates, states, tau, allowed)
     for k in _some(np.flatnonzero(agree), judged, rng):
         if judge.of(k) != "right":
             number.wrong += judge.last == "wrong"
@@ -271,14 +276,16 @@ class Judge:
 
     def __init__(
         self,
-        chain: stp.ClosedChain,
+        kernels: stp.Kernels,
         coordinates: Coordinates,
         states: States,
         tau: np.ndarray,
         allowed: np.ndarray,
     ) -> None:
+        chain = kernels.chain
         self._given = (chain, coordinates, states, tau, allowed)
-        # From a singular home, where branches meet, any of them will do: then from the drawn state.
+        self._kernels = kernels
+        # From a singular home, where branches meet, any of them will do: that which the kernels took.
         self._from_home = regularity(chain.home_state()) >= 1e-3
         self.regular, self.last = 0.0, ""
 
@@ -303,9 +310,9 @@ class Judge:
     def _state(self, k: int) -> stp.State | None:
         chain, coordinates, states = self._given[:3]
         place, rate, acceleration = (x[k] for x in states.given(chain, coordinates))
-        guess = None if self._from_home else states.q[k]
         if coordinates == "tree":
             return chain.at(place, rate, acceleration)
+        guess = None if self._from_home else self._kernels._configurations(place[None], 1).states[0]
         try:
             if coordinates == "motor":
                 closure = stp.forward_kinematics(chain, place, q_guess=guess, throw=False)

@@ -179,8 +179,27 @@ def stretch_step(name: str, equations: NewtonEquations) -> ca.Function:
     Returns
     -------
     casadi.Function
-        As `double_step`; the gap is that of the moves.
+        As `double_step`; the gap is the second move, and where that is to come as near as can be both moves have a
+        matrix of their own.
     """
-    close = equations.approach or equations.close
-    step = close(equations.gap) / constant(equations.sizes)
-    return double_step(name, replace(equations, size=step, close=close))
+    e = equations
+    if e.approach is None:
+        return double_step(name, replace(e, size=e.close(e.gap) / constant(e.sizes)))
+    worst = ca.SX.sym("contraction")
+    step = ca.Function("step", [e.state, e.target], [e.approach(e.gap), e.determinant])
+    first, side = step.call([e.state, e.target])
+    between = e.move(e.state, first)
+    # What is out of reach leaves a gap that the matrix of the first move does not see.
+    second, other_side = step.call([between, e.target])
+    one, two = (ca.norm_inf(x / constant(e.sizes)) for x in (first, second))
+    contraction = ca.fmax(ca.fmax(two / (one + _ROUND_OFF), one / _FAR), _TINY)
+    turned = ca.logic_or(worst * side < 0, side * other_side < 0)
+    return shared(
+        name,
+        {"state": e.state, "target": e.target, "contraction": worst},
+        {
+            "next": e.move(between, second),
+            "gap": ca.if_else(_is_number(second), two, 1),
+            "largest": ca.if_else(turned, 1, ca.copysign(ca.fmax(ca.fabs(worst), contraction), side)),
+        },
+    )
