@@ -196,7 +196,11 @@ class FunctionSet:
     @property
     def other_elbows(self) -> bool:
         """Whether motors may lead where the closed forms of legs, on the branch of home, do not."""
-        return self.placed is not None and self.coordinates == "motor" and bool(self.turning.any())
+        return (
+            self.placed is not None
+            and self.coordinates == "motor"
+            and any(leg.positions.elbow for leg in self.placed.legs)
+        )
 
     @cached_property
     def turning(self) -> BoolArray:

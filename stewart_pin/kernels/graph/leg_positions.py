@@ -65,12 +65,15 @@ class LegPositions:
         every planar pointer out of its plane: zero at poses that the platform can take.
     reaches
         Slides of a leg that is nothing but a pointer in space.
+    elbow
+        Whether a crank or a slide on a rail moves a rod: two positions of it reach one end, that of home is taken.
     """
 
     moved: tuple[JointPlacement, ...]
     values: dict[int, ca.SX]
     stretched: tuple[ca.SX, ...]
     reaches: dict[int, Reach]
+    elbow: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +146,7 @@ def leg_positions(leg: Leg, targets: Sequence[ca.SX]) -> LegPositions:
                 ca.dot(rotation_constant(first.rotation) @ constant(first.axis), arm) / ca.sqrt(square)
             )
     placements = tuple(moved[k] for k in range(len(leg.joints)))
-    return LegPositions(placements, values, tuple(stretched), reaches)
+    return LegPositions(placements, values, tuple(stretched), reaches, stem is not None)
 
 
 def _into(joint: TreeJoint, point: ca.SX) -> ca.SX:

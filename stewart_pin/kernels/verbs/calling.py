@@ -271,7 +271,7 @@ class Caller:
         codes: np.ndarray,
         places: Places,
     ) -> Solved:
-        """Answer rows that no pose of legs with elbows as at home meets: cranks may go through dead centres."""
+        """Answer rows that no pose of legs with elbows as at home meets: motors may lead through dead centres."""
         rows = np.flatnonzero(~solved.kept & np.isfinite(np.asarray(inputs[0])).all(axis=1))
         if not len(rows):
             return solved
