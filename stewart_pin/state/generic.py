@@ -106,13 +106,15 @@ def find_generic(chain: ClosedChain) -> Generic:
     )
 
 
-def regularity(state: State) -> float:
+def regularity(state: State, *, motors: bool = True) -> float:
     """Tell how regular a configuration is: near one as usual, zero at a singularity of loops, motors or platform.
 
     Parameters
     ----------
     state
         State of a closed chain.
+    motors
+        Whether a singularity of the motors alone counts.
 
     Returns
     -------
@@ -128,6 +130,8 @@ def regularity(state: State) -> float:
         (_singular_values(share.platform), count.platform, usual.usual_platform),
         (_singular_values(held), count.either, usual.usual_passive),
     ]
+    if not motors:
+        del found[1]
     return min((float(values[rank - 1]) / size for values, rank, size in found if rank), default=1.0)
 
 

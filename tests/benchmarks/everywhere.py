@@ -26,7 +26,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help="robots and mechanisms; default: all")
     parser.add_argument("--states", type=int, default=100_000)
-    parser.add_argument("--judged", type=int, default=200, help="states of each kind before the verbs of one state")
+    parser.add_argument(
+        "--judged", type=int, default=200, help="states of each kind before the verbs of one state"
+    )
     chosen = parser.parse_args()
     print(f"{HEAD}{'worst':>9s}{'undone':>9s}{'time [s]':>10s}")
     for name in chosen.names or [*stp.robots(), *(row.name for row in ZOO)]:

@@ -232,7 +232,9 @@ def examine(
         number.missing += missing
         number.refused += not missing
         if missing:
-            number.examples.append((f"refused with {StateStatus(int(status[k])).name}", int(k), judge.regular))
+            number.examples.append(
+                (f"refused with {StateStatus(int(status[k])).name}", int(k), judge.regular)
+            )
     return number
 
 
@@ -256,9 +258,7 @@ def _allowed(conditioning: np.ndarray) -> np.ndarray:
     return AGREEMENT / np.clip(conditioning, 1e-9, 1.0)
 
 
-def _undone(
-    chain: stp.ClosedChain, coordinates: Coordinates, found: np.ndarray, right: np.ndarray
-) -> float:
+def _undone(chain: stp.ClosedChain, coordinates: Coordinates, found: np.ndarray, right: np.ndarray) -> float:
     """Largest difference of accelerations, relative to the largest of a state."""
     if not len(found):
         return 0.0
@@ -290,7 +290,7 @@ class Judge:
         self.regular, self.last = 0.0, ""
 
     def of(self, k: int) -> str:
-        """Return "right" or "wrong", of a refusal "right" where there is an answer, or "unknown" where there is none."""
+        """Return "right" or "wrong", "right" of a refusal where there is an answer, "unknown" where there is none."""
         chain, _, _, tau, allowed = self._given
         state = self._state(k)
         self.last = "unknown"

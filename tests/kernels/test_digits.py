@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
-import stewart_pin as stp
 from stewart_pin.kernels.programs.status import StateStatus
 from tests.kernels.digits import efforts
 from tests.kernels.everywhere import Coordinates, Mechanism
@@ -50,7 +51,7 @@ def test_conditioning_tells_the_digits_lost(
     good = status == StateStatus.OK
     chosen = [
         k
-        for low, high in zip(DECADES, DECADES[1:], strict=False)
+        for low, high in itertools.pairwise(DECADES)
         for k in np.flatnonzero(good & (conditioning >= low) & (conditioning < high))[:6]
     ]
     weight = 9.81 * pin.computeTotalMass(chain.model) * chain.length_scale

@@ -17,8 +17,8 @@ SLOW = (
     *("watt_six_bar", "stephenson_six_bar", "slider_crank", "scissor_lift", "peaucellier", "kite"),
     *("bevel_differential", "rssr", "door_on_two_hinges", "parallelogram"),
 )
-"""Balls, hinges, slides, screws and gears; redundant rows and overconstrained loops; one, two, three, four and six motors.
-With those of `QUICK` 26 of the zoo; ``python -m tests.benchmarks.everywhere`` has all of it, with 1e5 states of each."""
+"""Balls, hinges, slides, screws and gears; redundant rows and overconstrained loops; one motor to six.
+With those of `QUICK` 26 of the zoo; ``python -m tests.benchmarks.everywhere`` has all, with 1e5 states of each."""
 NAMES = [
     *QUICK,
     *(pytest.param(name, marks=pytest.mark.slow) for name in (*stp.robots(), *SLOW) if name not in QUICK),
@@ -37,7 +37,9 @@ def test_kernels_answer_everywhere(name: str, rng: np.random.Generator) -> None:
     still = mechanism.draw(count, rng, moving=False) if idle else states
     assert len(states) > 0.8 * count
     for coordinates in COORDINATES:
-        found = examine(mechanism, coordinates, states if coordinates == "tree" else still, rng, JUDGED[quick])
+        found = examine(
+            mechanism, coordinates, states if coordinates == "tree" else still, rng, JUDGED[quick]
+        )
         if found is None:
             assert (coordinates, name) in REFUSED or (coordinates, name) == ("platform", "arm_7r")
             continue

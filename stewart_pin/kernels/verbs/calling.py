@@ -24,7 +24,7 @@ from stewart_pin.kernels.verbs.configurations import (
     serves,
     with_unit_quaternions,
 )
-from stewart_pin.kernels.verbs.judges import POOR, judged
+from stewart_pin.kernels.verbs.judges import POOR, judged, lost_twice
 from stewart_pin.kernels.verbs.newton import NewtonSteps, OneSearch, Plans, Solved, straight
 from stewart_pin.kernels.verbs.other_pivots import OtherPivots
 from stewart_pin.kernels.verbs.searching import SearchingState
@@ -462,18 +462,6 @@ class Caller:
                 function, bounds=bounds, dtype=self._dtype, engine=self._engine, matrices=derivatives
             )
         return self._kernels[name, graded, wary]
-
-
-def lost_twice(conditioning: FloatArray) -> None:
-    """Count, in place, what a configuration that was looked for has lost already, and the dynamics lose again.
-
-    Parameters
-    ----------
-    conditioning
-        (N,) of the configurations c, dimensionless; becomes c² where that is less: the error of a configuration, ε / c,
-        is enlarged by 1 / c.
-    """
-    np.minimum(conditioning, conditioning**2, out=conditioning)
 
 
 def _without_last(values: tuple[FloatArray, ...]) -> Any:

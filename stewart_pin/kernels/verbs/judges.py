@@ -9,6 +9,7 @@ import numpy as np
 from stewart_pin.kernels.programs.status import StateBound, StateStatus
 from stewart_pin.kernels.verbs.configurations import UNIT
 from stewart_pin.tolerances import SINGULAR
+from stewart_pin.typing import FloatArray
 
 _FEASIBLE = {"f8": 1e-6, "f4": 1e-5}
 """Part of a demand that may be impossible: round-off of printed numbers, as in the one-state verbs; a hundred units of
@@ -61,3 +62,15 @@ def judged(
         bounds.append(StateBound("conditioning", lower=least, code=StateStatus.SINGULAR, written=graded))
     results: Any = ca.cse(list(outputs.values()))
     return ca.Function(function.name(), inputs, results, function.name_in(), list(outputs)), bounds
+
+
+def lost_twice(conditioning: FloatArray) -> None:
+    """Count, in place, what a configuration that was looked for has lost already, and the dynamics lose again.
+
+    Parameters
+    ----------
+    conditioning
+        (N,) of the configurations c, dimensionless; becomes c² where that is less: the error of a configuration, ε / c,
+        is enlarged by 1 / c.
+    """
+    np.minimum(conditioning, conditioning**2, out=conditioning)

@@ -287,10 +287,10 @@ def _follow(
         on_the_way = np.flatnonzero(under_way & (length >= _SHORTEST))
         stuck = np.flatnonzero(under_way & (length < _SHORTEST))
         # A few slow ones must not keep the others waiting.
-        if plans.further is not None and len(stuck) and (not len(on_the_way) or count % _PATIENCE == 0):
-            if plans.further(state[stuck]):
-                length[stuck] = 0.1
-                continue
+        asked = plans.further is not None and len(stuck) and (not len(on_the_way) or count % _PATIENCE == 0)
+        if asked and plans.further is not None and plans.further(state[stuck]):
+            length[stuck] = 0.1
+            continue
         if not len(on_the_way):
             break
         reach = np.minimum(share[on_the_way] + length[on_the_way], 1.0)

@@ -77,23 +77,28 @@ class OtherPivots(Generic[Kernels]):
             return False
         for k in np.unique(np.linspace(0, len(states) - 1, _LOOKED_AT).astype(int)):
             found = 0.0 if served is None else float(np.nan_to_num(served[k]))
-            q = _regular(self._functions.chain, states[k], max(_REGULAR, _BETTER * found))
+            # On the way of a platform motors may stand at a dead centre.
+            motors = served is not None or self._functions.coordinates != "platform"
+            q = _regular(self._functions.chain, states[k], max(_REGULAR, _BETTER * found), motors=motors)
             if q is None:
                 continue
             try:
-                self._made.append(self._make(self._functions.around(q)))
+                other = self._functions.around(q)
             except UnsupportedError:
                 continue
+            if other.freedoms != self._functions.freedoms:  # round-off of closed loops taken for a pivot
+                continue
+            self._made.append(self._make(other))
             return True
         return False
 
 
-def _regular(chain: ClosedChain, q: FloatArray, least: float) -> Configuration | None:
+def _regular(chain: ClosedChain, q: FloatArray, least: float, *, motors: bool) -> Configuration | None:
     """Close the loops of a configuration, if that leads to a regular one beside it."""
     if not np.isfinite(q).all():
         return None
     q = pin.normalize(chain.model, np.array(q, dtype=float))
     closure = close_loops(chain, q, throw=False)
     moved = np.abs(pin.difference(chain.model, q, closure.q) / chain.tangent_scale).max(initial=0.0)
-    good = closure.success and moved < _BESIDE and regularity(closure.state) >= least
+    good = closure.success and moved < _BESIDE and regularity(closure.state, motors=motors) >= least
     return closure.q if good else None

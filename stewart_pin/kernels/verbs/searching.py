@@ -11,7 +11,7 @@ from stewart_pin.errors import InputError
 from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.kernels.running.arrays import require_out
 from stewart_pin.kernels.verbs.configurations import as_poses, normalised, with_unit_quaternions
-from stewart_pin.kernels.verbs.judges import POOR
+from stewart_pin.kernels.verbs.judges import POOR, lost_twice
 from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:
@@ -127,6 +127,8 @@ def _prepared(caller: Caller, verb: str) -> tuple[tuple[str, ...], tuple[int, ..
             return None
         if blocked is not None:
             found[:, blocked] = np.nan
+        if verb == "conditioning" and search is not None:
+            lost_twice(found)
         return found if isinstance(found, tuple) else (found,)
 
     names = (first[0], *(port.name for port in ports[1:]))
