@@ -9,8 +9,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -323,13 +324,34 @@ def _swapped(loop: Loop) -> Loop:
     )
 
 
-def by_change(name: str, plain: stp.ClosedChain, change: Change, folder: Path, **more) -> Telling:
+def _save(chain: stp.ClosedChain, folder: Path, format: str = "urdf+", digits: int | None = None) -> Path:
+    """Write a chain in a format, its numbers with so many digits."""
+    path = folder / (f"{chain.name}.xml" if format == "mjcf" else f"{chain.name}.urdf")
+    stp.export(chain, path, format=format)
+    if digits is not None:
+        number = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
+        text = re.sub(
+            r'(?<!name)(?<!link)="([^"]*)"',
+            lambda m: '="' + number.sub(lambda n: f"{float(n[0]):.{digits}g}", m[1]) + '"',
+            path.read_text(encoding="utf-8"),
+        )
+        path.write_text(text, encoding="utf-8")
+    return path
+
+
+def by_change(
+    name: str,
+    plain: stp.ClosedChain,
+    change: Change,
+    folder: Path,
+    save: Callable[[stp.ClosedChain, Path], Path] = _save,
+    **more: Any,
+) -> Telling:
     """Write a changed description, and read it."""
     old = plain.described()
     mechanism, joints = changed(old, change)
-    written = build_chain(mechanism, motors=plain.motors, platform=plain.platform)
-    path = folder / f"{name}.urdf"
-    stp.write_urdf(written, path)
+    # The order of the file is that of the motors.
+    path = save(build_chain(mechanism, platform=plain.platform), folder)
     world = change.links.get(old.root, ONE).inverse()
     return Telling(name, plain, stp.load(path), joints, world, **more)
 
@@ -418,14 +440,14 @@ _CHANGES: dict[str, Callable[[stp.ClosedChain], Change]] = {
 def _on_a_pedestal(name: str, plain: stp.ClosedChain, folder: Path) -> Telling:
     """Give the tree another root, to which the base is fixed."""
     old, place = plain.described(), turn(-0.3, 0.9, 0.2, shift=(0.1, 0.4, -0.2))
-    gravity = place.rotation @ plain.gravity
-    links = (Link("pedestal"), *old.links)
-    joints = (Joint("bolts", JointKind.FIXED, "pedestal", old.root, place), *old.joints)
+    x, y, z = (place.rotation @ plain.gravity).tolist()
     mechanism = replace(
-        old, links=links, joints=joints, gravity=(float(gravity[0]), float(gravity[1]), float(gravity[2]))
+        old,
+        links=(Link("pedestal"), *old.links),
+        joints=(Joint("bolts", JointKind.FIXED, "pedestal", old.root, place), *old.joints),
+        gravity=(x, y, z),
     )
-    path = folder / "pedestal.urdf"
-    stp.write_urdf(build_chain(mechanism, motors=plain.motors, platform=plain.platform), path)
+    path = _save(build_chain(mechanism, motors=plain.motors, platform=plain.platform), folder)
     return Telling(name, plain, stp.load(path), world=place)
 
 
@@ -433,9 +455,7 @@ def _cut_elsewhere(name: str, plain: stp.ClosedChain, folder: Path) -> Telling |
     other = recut(plain)
     if other is None:
         return None
-    path = folder / "cut.urdf"
-    stp.write_urdf(other, path)
-    told = stp.load(path)
+    told = stp.load(_save(other, folder))
     return Telling(
         name, plain, told, carry=lambda q, v, a: carry_over(plain, told, q, v, a), same_rows=False
     )
@@ -444,51 +464,52 @@ def _cut_elsewhere(name: str, plain: stp.ClosedChain, folder: Path) -> Telling |
 def _by_balls(name: str, plain: stp.ClosedChain, folder: Path) -> Telling | None:
     if all(loop.kind is JointKind.SPHERICAL for loop in plain.loops):
         return None
-    path = folder / "balls.urdf"
-    stp.write_urdf(stp.loops_by_balls(plain), path)
-    return Telling(name, plain, stp.load(path), same_rows=False)
+    return Telling(name, plain, stp.load(_save(stp.loops_by_balls(plain), folder)), same_rows=False)
 
 
-def _in_format(format: str) -> Callable[[str, stp.ClosedChain, Path], Telling | None]:
-    def tell(name: str, plain: stp.ClosedChain, folder: Path) -> Telling | None:
-        path = folder / (f"{format}.xml" if format == "mjcf" else f"{format}.urdf")
+@dataclass(frozen=True)
+class _Written:
+    """Everything told otherwise, or nothing, in another format or with fewer digits."""
+
+    format: str = "urdf+"
+    digits: int | None = None
+    changed: bool = True
+
+    def __call__(self, name: str, plain: stp.ClosedChain, folder: Path) -> Telling | None:
+        # MuJoCo has no hinge as a loop: two balls stand for it.
+        more: dict[str, Any] = {"same_rows": self.format != "mjcf"}
+        if self.digits is not None:
+            # A number keeps half a unit of its last digit; elimination multiplies that by condition numbers near 100.
+            more["tolerance"] = 200 * 0.5 * 10.0 ** (1 - self.digits)
         try:
-            stp.export(plain, path, format=format)
+            return by_change(
+                name,
+                plain,
+                _all_at_once(plain) if self.changed else Change(),
+                folder,
+                partial(_save, format=self.format, digits=self.digits),
+                **more,
+            )
         except stp.errors.UnsupportedError:
             return None
-        return Telling(name, plain, stp.load(path), same_rows=format != "mjcf")
-
-    return tell
-
-
-def _with_digits(digits: int) -> Callable[[str, stp.ClosedChain, Path], Telling]:
-    def tell(name: str, plain: stp.ClosedChain, folder: Path) -> Telling:
-        path = folder / f"digits{digits}.urdf"
-        stp.write_urdf(plain, path)
-        number = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
-        text = re.sub(
-            r'(?<!name)(?<!link)="([^"]*)"',
-            lambda m: '="' + number.sub(lambda n: f"{float(n[0]):.{digits}g}", m[1]) + '"',
-            path.read_text(encoding="utf-8"),
-        )
-        path.write_text(text, encoding="utf-8")
-        # A number keeps half a unit of its last digit; elimination multiplies that by condition numbers near 100.
-        return Telling(name, plain, stp.load(path), tolerance=200 * 0.5 * 10.0 ** (1 - digits))
-
-    return tell
 
 
 _OTHERS: dict[str, Callable[[str, stp.ClosedChain, Path], Telling | None]] = {
     "on a pedestal": _on_a_pedestal,
     "cut elsewhere": _cut_elsewhere,
     "hinges as balls": _by_balls,
-    "URDF+": _in_format("urdf+"),
-    "Drake": _in_format("drake"),
-    "Isaac": _in_format("isaac"),
-    "Gepetto": _in_format("gepetto"),
-    "MJCF": _in_format("mjcf"),
-    "six digits": _with_digits(6),
-    "nine digits": _with_digits(9),
+    "Drake": _Written("drake", changed=False),
+    "Isaac": _Written("isaac", changed=False),
+    "Gepetto": _Written("gepetto", changed=False),
+    "MJCF": _Written("mjcf", changed=False),
+    "all at once in Drake": _Written("drake"),
+    "all at once in Isaac": _Written("isaac"),
+    "all at once in Gepetto": _Written("gepetto"),
+    "all at once in MJCF": _Written("mjcf"),
+    "six digits": _Written(digits=6, changed=False),
+    "nine digits": _Written(digits=9, changed=False),
+    "all at once with six digits": _Written(digits=6),
+    "all at once with nine digits": _Written(digits=9),
 }
 
 TELLINGS = (*_CHANGES, *_OTHERS)
