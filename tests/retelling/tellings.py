@@ -82,6 +82,10 @@ class Telling:
         How a state is carried over where the joints are others; None: joint by joint.
     same_rows
         Whether the rows of loops are the plain ones, but for turned frames.
+    same_gap
+        Whether open loops have the plain gaps, but for turned frames.
+    same_limits
+        Whether all limits are told: MuJoCo has none for speeds.
     tolerance
         Relative size of what is lost in telling: round-off, or the digits that were printed.
     """
@@ -93,7 +97,24 @@ class Telling:
     world: pin.SE3 = field(default_factory=pin.SE3.Identity)
     carry: Callable[[np.ndarray, np.ndarray, np.ndarray], State] | None = None
     same_rows: bool = True
+    same_gap: bool = True
+    same_limits: bool = True
     tolerance: float = 1e-9
+
+    @property
+    def exact(self) -> bool:
+        """Whether nothing but round-off is lost."""
+        return self.tolerance <= 1e-9
+
+    @property
+    def same_size(self) -> bool:
+        """Whether lengths and angles are compared as before: joints that stand elsewhere make another size."""
+        return abs(self.chain.length_scale / self.plain.length_scale - 1) <= self.tolerance
+
+    @property
+    def joint_by_joint(self) -> bool:
+        """Whether the tangents correspond."""
+        return self.carry is None
 
     # --- to the told chain -----------------------------------------------------------------------------------
 
@@ -107,7 +128,7 @@ class Telling:
         if self.carry is not None:
             return self.carry(q, v, a)
         q, v, a = self.q(q), self.T @ v, self.T @ a
-        if self.tolerance > 1e-9:
+        if not self.exact:
             q = stp.close_loops(self.chain, q).q
             rows = self.chain.at(q, v).J_c * self.chain.tangent_scale
             least = self.chain.tangent_scale[:, None] * np.linalg.pinv(rows, rcond=1e-6)
@@ -123,11 +144,6 @@ class Telling:
             rows, columns = (slice(j.idx_v, j.idx_v + j.nv) for j in (other, joint))
             T[rows, columns] = self.joints.get(name, Told()).rates(joint.nv)
         return T
-
-    @property
-    def joint_by_joint(self) -> bool:
-        """Whether the tangents correspond."""
-        return self.carry is None
 
     @cached_property
     def order(self) -> np.ndarray:
@@ -156,6 +172,12 @@ class Telling:
         told[..., self.order] = self.signs * plain
         return told
 
+    def sizes(self, plain: np.ndarray) -> np.ndarray:
+        """Tell what motors have without sign, as a stiffness or a limit."""
+        told = np.empty_like(plain)
+        told[..., self.order] = plain
+        return told
+
     def turned(self, plain: np.ndarray) -> np.ndarray:
         """Turn the vectors that make up a twist, a wrench or a row of them into the told world."""
         shape = plain.shape
@@ -178,6 +200,10 @@ class Telling:
         """Bring rates or efforts of motors, or a matrix with motors along an axis, back."""
         told = np.moveaxis(np.asarray(told), axis, -1)[..., self.order] * self.signs
         return np.moveaxis(told, -1, axis)
+
+    def unsigned(self, told: np.ndarray) -> np.ndarray:
+        """Bring back what motors have without sign."""
+        return np.asarray(told)[..., self.order]
 
     def positions(self, told: np.ndarray) -> np.ndarray:
         """Bring motor positions back."""
@@ -353,7 +379,7 @@ def by_change(
     # The order of the file is that of the motors.
     path = save(build_chain(mechanism, platform=plain.platform), folder)
     world = change.links.get(old.root, ONE).inverse()
-    return Telling(name, plain, stp.load(path), joints, world, **more)
+    return Telling(name, plain, stp.load(path), joints, world, same_gap=not change.swapped, **more)
 
 
 # --- the tellings --------------------------------------------------------------------------------------------
@@ -477,7 +503,7 @@ class _Written:
 
     def __call__(self, name: str, plain: stp.ClosedChain, folder: Path) -> Telling | None:
         # MuJoCo has no hinge as a loop: two balls stand for it.
-        more: dict[str, Any] = {"same_rows": self.format != "mjcf"}
+        more: dict[str, Any] = {"same_rows": self.format != "mjcf", "same_limits": self.format != "mjcf"}
         if self.digits is not None:
             # A number keeps half a unit of its last digit; elimination multiplies that by condition numbers near 100.
             more["tolerance"] = 200 * 0.5 * 10.0 ** (1 - self.digits)
