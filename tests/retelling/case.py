@@ -90,8 +90,9 @@ def sway(chain: stp.ClosedChain, home: np.ndarray, amplitude, frequency, times) 
 def plain(name: str) -> stp.ClosedChain:
     """Load a bundled robot; arms whose home is stretched, a singularity, get another home."""
     chain = stp.load(name)
-    homes = {"arm_3r_planar": [0.4, 0.9, 0.7], "arm_3r_spatial": [0.4, 0.9, 0.7]}
-    return replace(chain, q_home=np.array(homes[name])) if name in homes else chain
+    if not name.startswith("arm"):
+        return chain
+    return replace(chain, q_home=np.array([0.4, 0.9, 0.7, 0.8, -0.3, 0.6, 0.2])[: chain.nq])
 
 
 @cache

@@ -112,6 +112,11 @@ class Telling:
         return abs(self.chain.length_scale / self.plain.length_scale - 1) <= self.tolerance
 
     @property
+    def turned_base(self) -> bool:
+        """Whether the world is another one."""
+        return not self.world.isIdentity(1e-12)
+
+    @property
     def joint_by_joint(self) -> bool:
         """Whether the tangents correspond."""
         return self.carry is None
@@ -482,9 +487,7 @@ def _cut_elsewhere(name: str, plain: stp.ClosedChain, folder: Path) -> Telling |
     if other is None:
         return None
     told = stp.load(_save(other, folder))
-    return Telling(
-        name, plain, told, carry=lambda q, v, a: carry_over(plain, told, q, v, a), same_rows=False
-    )
+    return Telling(name, plain, told, carry=lambda q, v, a: carry_over(plain, told, q, v, a), same_rows=False)
 
 
 def _by_balls(name: str, plain: stp.ClosedChain, folder: Path) -> Telling | None:
