@@ -1,7 +1,8 @@
-"""Law 10: the same mechanism told in another legal way gives the same answers, from every public verb that takes a chain."""
+"""Law 10: the same mechanism told in another legal way gives the same answers, from every verb that takes a chain."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -11,9 +12,33 @@ import pytest
 import stewart_pin as stp
 from tests.retelling.case import case, plain
 from tests.retelling.tellings import TELLINGS, Telling, tell
-from tests.retelling.verbs import SLOW, VERBS, Answers, Sized, Verb
+from tests.retelling.verbs import KINDS, QUESTIONS, Answers, Sized, Verb
 
-QUESTIONS: dict[str, Verb] = {name: verb for table in VERBS.values() for name, verb in table.items()}
+REFUSED: dict[str, tuple[Callable[[Telling], bool], str]] = {
+    "hexapod_bodies": (
+        lambda t: t.turned_base or not t.exact,
+        "the closed form of legs turns them about base x, and its axes meet to round-off",
+    ),
+    "planar_rpr": (
+        lambda t: (
+            t.turned_base
+            or not t.exact
+            or bool((t.signs < 0).any() or t.zeros.any())
+            or (t.joint_by_joint and not t.same_rows)
+        ),
+        "the closed form takes leg lengths in the plane xy of the world, and hinges; it says so where motors read "
+        "another number, or two balls stand for a hinge",
+    ),
+    "rotary_legs": (lambda t: not t.exact, "the closed form needs axes that meet to round-off"),
+    "articulated_bodies": (
+        lambda t: t.plain.name in ("delta", "hexapod_rss") and t.name == "cut elsewhere",
+        "the method needs inertia beyond every joint of the tree; here a cross without mass is the last body",
+    ),
+}
+"""What is refused when told so, and asked for elsewhere: for a stated reason, with an error that names it."""
+
+OVERDETERMINED = ("four_bar", "five_bar", "rpr_planar")
+"""Robots whose loops close only as long as their axes are parallel."""
 
 
 def answer(verb: Verb, telling: Telling) -> Answers | str:
@@ -59,14 +84,59 @@ def _said(answers: Answers | str) -> str:
     return answers if isinstance(answers, str) else "an answer"
 
 
-@pytest.mark.parametrize("telling", TELLINGS)
-@pytest.mark.parametrize("robot", stp.robots())
-def test_told_otherwise(robot: str, telling: str, tmp_path: Path) -> None:
-    told = tell(telling, plain(robot), tmp_path)
+def disagreements(told: Telling, questions: list[str]) -> dict[str, str]:
+    """Ask everything, and list what is answered otherwise."""
+    found: dict[str, str] = {}
+    for question in questions:
+        first, second = plainly(told.plain.name, question), answer(QUESTIONS[question], told)
+        text = disagreement(first, second, told.tolerance)
+        applies, reason = REFUSED.get(question, (lambda t: False, ""))
+        if applies(told) and not isinstance(first, str):
+            text = "" if isinstance(second, str) else f"is not refused any more: {reason}"
+        if text:
+            found[question] = text
+    return found
+
+
+def told_robots() -> list[object]:
+    pairs: list[object] = []
+    for robot in stp.robots():
+        for telling in TELLINGS:
+            marks = []
+            if robot in OVERDETERMINED and telling.startswith("all at once with"):
+                reason = "a home of few digits is not found where axes are no longer parallel to round-off"
+                marks.append(pytest.mark.xfail(raises=stp.errors.MechanismError, reason=reason))
+            pairs.append(pytest.param(robot, telling, marks=marks))
+    return pairs
+
+
+def tell_or_skip(robot: str, telling: str, folder: Path) -> Telling:
+    told = tell(telling, plain(robot), folder)
     if told is None:
-        pytest.skip(f"no words for {robot}")
-    found = {
-        question: disagreement(plainly(robot, question), answer(verb, told), told.tolerance)
-        for question, verb in QUESTIONS.items()
-    }
-    assert {question: text for question, text in found.items() if text} == {}
+        pytest.skip(f"this way has no words for {robot}")
+    return told
+
+
+@pytest.mark.parametrize(
+    ("robot", "telling"),
+    [("four_bar", t) for t in TELLINGS if not t.startswith("all at once with")]
+    + [("rpr_planar", "hinges as balls"), ("stewart", "all at once"), ("stewart", "cut elsewhere")],
+)
+def test_a_few_answers(robot: str, telling: str, tmp_path: Path) -> None:
+    told = tell_or_skip(robot, telling, tmp_path)
+    assert disagreements(told, [name for name, kind in KINDS.items() if kind == "quick"]) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("robot", "telling"), told_robots())
+def test_every_answer(robot: str, telling: str, tmp_path: Path) -> None:
+    told = tell_or_skip(robot, telling, tmp_path)
+    assert disagreements(told, [name for name, kind in KINDS.items() if kind != "compiled"]) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", stp.robots())
+def test_kernels(robot: str, tmp_path: Path) -> None:
+    """Programs are written anew for each telling, which takes seconds: of one that tells everything otherwise."""
+    told = tell_or_skip(robot, "all at once", tmp_path)
+    assert disagreements(told, [name for name, kind in KINDS.items() if kind == "compiled"]) == {}

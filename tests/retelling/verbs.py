@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 import stewart_pin as stp
+from stewart_pin.model.description import Joint
 from tests.retelling.case import TIMES, Case, sway
 from tests.retelling.tellings import Telling
 
@@ -33,26 +33,25 @@ Answers = dict[str, Any]
 Verb = Callable[[Telling, Case], Answers]
 VERBS: dict[str, Mapping[str, Verb]] = {}
 """How each public name is asked, by name of the question."""
-SLOW: set[str] = set()
-"""Names of verbs that take long."""
+KINDS: dict[str, str] = {}
+"""Kind of each question: quick, slow, or compiled, which takes seconds."""
 
 
-def asks(*names: str, slow: bool = False) -> Callable[[Verb], Verb]:
+def asks(*names: str, kind: str = "quick") -> Callable[[Verb], Verb]:
     """Enter a question for the public names that it asks."""
 
     def enter(verb: Verb) -> Verb:
         question = verb.__name__.strip("_")
         for name in names:
             VERBS[name] = {**VERBS.get(name, {}), question: verb}
-        if slow:
-            SLOW.add(question)
+        KINDS[question] = kind
         return verb
 
     return enter
 
 
 def _of_rows(t: Telling, q: np.ndarray, rows: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """What rows of loops do to the joints, whatever frames they stand in."""
+    """Bring back what rows of loops do to the joints, whatever frames they stand in."""
     return t.cotangent(stp.loop_jacobian(t.chain, q).T @ rows(q))
 
 
@@ -163,7 +162,7 @@ def forward_kinematics(t: Telling, c: Case) -> Answers:
     return _found(t, stp.forward_kinematics(t.chain, readings))
 
 
-@asks("all_forward_kinematics", slow=True)
+@asks("all_forward_kinematics", kind="slow")
 def all_forward_kinematics(t: Telling, c: Case) -> Answers:
     if c.chain.nv > 4 or not t.joint_by_joint:
         return {}  # few starts find all solutions of a planar chain only
@@ -273,7 +272,7 @@ def classify_singularity(t: Telling, c: Case) -> Answers:
     return answers
 
 
-@asks("closed_path", "find_singularity", "SingularityOnPath", slow=True)
+@asks("closed_path", "find_singularity", "SingularityOnPath", kind="slow")
 def find_singularity(t: Telling, c: Case) -> Answers:
     if not t.joint_by_joint:
         return {}
@@ -289,7 +288,7 @@ def find_singularity(t: Telling, c: Case) -> Answers:
     }
 
 
-@asks("singularity_map", slow=True)
+@asks("singularity_map", kind="slow")
 def singularity_map(t: Telling, c: Case) -> Answers:
     plane = (t.world.rotation == np.eye(3)).all()
     if c.chain.name != "five_bar" or not (plane and t.joint_by_joint and t.same_size and t.exact):
@@ -340,7 +339,7 @@ def _moves(t: Telling, q: np.ndarray, v: np.ndarray, a: np.ndarray, note: str = 
 
 @asks("closed_chain_articulated_body", "articulated_body_acceleration")
 def articulated_bodies(t: Telling, c: Case) -> Answers:
-    q, v, a = t.state(c.q, c.v, c.a)
+    q, v, _ = t.state(c.q, c.v)
     answers = _moves(t, q, v, stp.closed_chain_articulated_body(t.chain, q, v, t.efforts(c.tau_motor)).a)
     if t.joint_by_joint:
         tau = np.linalg.solve(t.T.T, c.chain.at(c.q, c.v).nle)
@@ -371,9 +370,11 @@ def derivatives(t: Telling, c: Case) -> Answers:
         "a_v": forward.a_v @ t.T @ N,
         "a_tau": t.motors(forward.a_tau),
     }
-    if not t.exact:  # a thin rod spins as the last digits of its inertia will have it
-        return answers | {name: t.motors(rows[t.chain.motor_index], axis=0) for name, rows in changes.items()}
-    return answers | {name: t.tangent(rows) for name, rows in changes.items()}
+    driven = t.chain.motor_index
+    answers |= {f"{name} of motors": t.motors(rows[driven], axis=0) for name, rows in changes.items()}
+    if t.exact:  # a thin rod spins as the last digits of its inertia will have it
+        answers |= {name: t.tangent(rows) for name, rows in changes.items()}
+    return answers
 
 
 @asks("joint_reactions")
@@ -381,23 +382,20 @@ def joint_reactions(t: Telling, c: Case) -> Answers:
     if not t.joint_by_joint:
         return {}
     q, v, a = t.state(c.q, c.v, c.a)
-    effort = stp.inverse_dynamics(t.chain, q, v, a)
-    found = {part.name: part for part in stp.joint_reactions(t.chain, q, v, effort)}
-    plain = {part.name for part in stp.joint_reactions(c.chain, c.q, c.v, stp.inverse_dynamics(c.chain, c.q, c.v, c.a)) if part.unique}  # fmt: skip
-    wrenches = []
-    for loop in (*c.chain.mechanism.joints, *c.chain.loops):
-        if loop.name not in plain or loop.name not in found:
+    found = {part.name: part for part in stp.joint_reactions(t.chain.at(q, v, a))}
+    answers: Answers = {}
+    for joint in (*c.chain.mechanism.joints, *c.chain.loops):
+        if joint.name not in found or not found[joint.name].unique:
             continue
-        part = found[loop.name]
-        target = loop.child if hasattr(loop, "child") else loop.link2
-        sign = 1.0 if part.target == target else -1.0
+        part = found[joint.name]
+        source = joint.parent if isinstance(joint, Joint) else joint.link1
+        sign = -1.0 if part.target == source else 1.0
         # About the plain world's origin: the point of a joint may stand elsewhere on its axis.
         arm = t.world.inverse() * part.point
         force, moment = t.twists(part.force), t.twists(part.moment)
-        wrenches.append(
-            sign * np.concatenate([force, (moment + np.cross(arm, force)) / c.chain.length_scale])
-        )
-    return {"wrenches": np.array(wrenches)} if wrenches else {}
+        moment = (moment + np.cross(arm, force)) / c.chain.length_scale
+        answers[joint.name] = Sized(sign * np.concatenate([force, moment]), c.effort)
+    return answers
 
 
 @asks("platform_stiffness")
@@ -449,19 +447,23 @@ def constraint_matrix_system(t: Telling, c: Case) -> Answers:
 
 @asks("motor_demand")
 def motor_demand(t: Telling, c: Case) -> Answers:
-    samples = _motion(t, c, 1.0)
-    answers: Answers = {}
-    for kernels in (False, True):
-        found = stp.motor_demand(t.chain, samples, kernels=kernels)
-        answers |= {
-            f"positions, kernels {kernels}": t.positions(found.positions),
-            f"rates, kernels {kernels}": t.motors(found.rates),
-            f"efforts, kernels {kernels}": t.motors(found.efforts),
-        }
-    return answers
+    return _demand(t, stp.motor_demand(t.chain, _motion(t, c, 1.0), kernels=False))
 
 
-@asks("compare_methods", slow=True)
+@asks("motor_demand", kind="compiled")
+def demand_by_kernels(t: Telling, c: Case) -> Answers:
+    return _demand(t, stp.motor_demand(t.chain, _motion(t, c, 1.0), kernels=True))
+
+
+def _demand(t: Telling, found: stp.MotorDemand) -> Answers:
+    return {
+        "positions": t.positions(found.positions),
+        "rates": t.motors(found.rates),
+        "efforts": t.motors(found.efforts),
+    }
+
+
+@asks("compare_methods", kind="slow")
 def compare_methods(t: Telling, c: Case) -> Answers:
     found = stp.compare_methods(t.chain, _motion(t, c, 1.0), kernels=False)
     # The closed form of legs counts their turns from base x.
@@ -481,11 +483,10 @@ def sweep_demand(t: Telling, c: Case) -> Answers:
     found = stp.sweep_demand(
         t.chain, lambda scale: _motion(t, c, scale), {"scale": [0.5, 1.0]}, kernels=False
     )
-    answers = {
+    return {
         name: t.unsigned(found[name])
         for name in ("peak_effort", "rms_effort", "travel", "peak_rate", "peak_power", "mean_power")
     }
-    return answers
 
 
 @asks("fit_to_limits")
@@ -540,30 +541,29 @@ def control_by_a_point(t: Telling, c: Case) -> Answers:
 
 
 def _keeps(c: Case, q: np.ndarray) -> np.ndarray:
-    """A velocity that keeps the loops closed."""
+    """Draw a velocity that keeps the loops closed."""
     return stp.motion_map(c.chain, q).G @ c.v[c.chain.motor_index]
 
 
-@asks("simulate", "resume", "Simulation", slow=True)
+@asks("simulate", "resume", "Simulation", kind="slow")
 def simulate(t: Telling, c: Case) -> Answers:
     q, v, _ = t.state(c.near, 0.1 * _keeps(c, c.near))
     hold = stp.GravityCompensation(t.chain)
     first = stp.simulate(t.chain, q, v, hold, duration=0.01, dt=2e-3, kernels=False)
     found = stp.resume(t.chain, first.final_state, hold, duration=0.01, kernels=False)
-    answers = {
+    return {
         "efforts": Sized(t.motors(found.tau_motor), c.effort),
         "positions": t.positions(found.q[:, t.chain.motor_q_index]),
         "rates": t.motors(found.v[:, t.chain.motor_index]),
         "platform": t.twists(found.platform.twist),
-        "gained": np.diff(found.energy).sum() + c.effort * c.chain.length_scale,
+        "gained": Sized(found.energy[-1] - found.energy[0], c.effort * c.chain.length_scale),
     }
-    return answers
 
 
 # --- capability -------------------------------------------------------------------------------------------------
 
 
-@asks("velocity_polytope", "wrench_polytope", slow=True)
+@asks("velocity_polytope", "wrench_polytope", kind="slow")
 def polytopes(t: Telling, c: Case) -> Answers:
     if not t.same_size:
         return {}
@@ -586,7 +586,7 @@ def polytopes(t: Telling, c: Case) -> Answers:
 # --- closed forms -------------------------------------------------------------------------------------------------
 
 
-@asks("assembly_modes", slow=True)
+@asks("assembly_modes", kind="slow")
 def assembly_modes(t: Telling, c: Case) -> Answers:
     readings = t.readings(stp.motor_positions(c.chain, c.near))
     found = stp.assembly_modes(t.chain, readings, engine="numpy")
@@ -644,7 +644,7 @@ def rotary_legs(t: Telling, c: Case) -> Answers:
 # --- kernels ---------------------------------------------------------------------------------------------------------
 
 
-@asks("compile_kernels", slow=True)
+@asks("compile_kernels", kind="compiled")
 def kernels_of_the_tree(t: Telling, c: Case) -> Answers:
     q, v, a = t.state(c.q, c.v, c.a)
     many = stp.compile_kernels(t.chain, coordinates="tree", engine="numpy")
@@ -652,7 +652,7 @@ def kernels_of_the_tree(t: Telling, c: Case) -> Answers:
     return answers | {"efforts": t.motors(many.inverse_dynamics(q[None], v[None], a[None])[0])}
 
 
-@asks("compile_kernels", slow=True)
+@asks("compile_kernels", kind="compiled")
 def kernels_of_motors(t: Telling, c: Case) -> Answers:
     chain = c.chain
     x, rates = stp.motor_positions(chain, c.near)[None], c.v[None, chain.motor_index]
@@ -660,20 +660,27 @@ def kernels_of_motors(t: Telling, c: Case) -> Answers:
     many = stp.compile_kernels(t.chain, coordinates="motor", engine="numpy")
     state = t.readings(x), t.efforts(rates)
     tau = many.inverse_dynamics(*state, t.efforts(accelerations))
-    dx, dv, da = many.inverse_dynamics_derivatives(*state, t.efforts(accelerations))
     return {
         "efforts": t.motors(tau),
         "accelerations": t.motors(many.forward_dynamics(*state, t.efforts(c.tau_motor[None]))),
-        **{
-            f"derivative {name}": t.motors(t.motors(d[0], axis=0))
-            for name, d in (("position", dx), ("rate", dv), ("acceleration", da))
-        },
     }
 
 
-@asks("compile_kernels", "Kernels", slow=True)
+@asks("compile_kernels", kind="compiled")
+def kernel_derivatives(t: Telling, c: Case) -> Answers:
+    if c.chain.nv > 12:
+        return {}  # long programs
+    x, index = stp.motor_positions(c.chain, c.near)[None], c.chain.motor_index
+    many = stp.compile_kernels(t.chain, coordinates="motor", engine="numpy")
+    state = t.readings(x), t.efforts(c.v[None, index]), t.efforts(c.a[None, index])
+    found = many.inverse_dynamics_derivatives(*state)
+    names = ("position", "rate", "acceleration")
+    return {name: t.motors(t.motors(d[0], axis=0)) for name, d in zip(names, found, strict=True)}
+
+
+@asks("compile_kernels", "Kernels", kind="compiled")
 def kernels_of_the_platform(t: Telling, c: Case) -> Answers:
-    q, v, a = t.state(c.near, _keeps(c, c.near))
+    q, v, _ = t.state(c.near, _keeps(c, c.near))
     told = t.chain.at(q, v)
     pose, twist = _xyzquat(t, c.near, c), told.twist[None]
     acceleration = (told.P @ stp.motion_map(told).gamma + told.platform_bias)[None]
@@ -697,7 +704,7 @@ def _xyzquat(t: Telling, q: np.ndarray, c: Case) -> np.ndarray:
 
 
 def _holds(t: Telling, c: Case, other: stp.ClosedChain, note: str) -> Answers:
-    """What a chain that was made of a told one needs to hold still: the efforts of all its masses."""
+    """Ask what a chain that was made of a told one needs to hold still: the efforts of all its masses."""
     q = stp.close_loops(other, t.state(c.near)[0]).q
     rest = np.zeros(other.nv)
     return {note: Sized(t.motors(stp.inverse_dynamics(other, q, rest, rest).tau_motor), c.effort)}
@@ -782,3 +789,7 @@ def export(t: Telling, c: Case) -> Answers:
             assert again.motors == t.chain.motors
             answers |= _holds(t, c, again, format)
     return answers
+
+
+QUESTIONS: dict[str, Verb] = {name: verb for table in VERBS.values() for name, verb in table.items()}
+"""Every question by its name."""
