@@ -430,7 +430,12 @@ def vibration(t: Telling, c: Case) -> Answers:
 def constraint_matrix_system(t: Telling, c: Case) -> Answers:
     q, v, a = t.state(c.q, c.v, c.a)
     system = stp.constraint_matrix_system(t.chain, q, v, a)
-    x = np.linalg.lstsq(system.matrix.toarray(), system.right_hand_side, rcond=1e-13)[0]
+    # Rows and columns of many units, each brought near one; redundant ones have no say in the motors.
+    matrix = system.matrix.toarray()
+    scale = 1 / np.sqrt(np.linalg.norm(matrix, axis=0))
+    scale /= np.sqrt(np.linalg.norm(scale[:, None] * matrix * scale, axis=0))
+    scaled = scale[:, None] * matrix * scale
+    x = scale * np.linalg.lstsq(scaled, scale * system.right_hand_side, rcond=1e-12)[0]
     size = system.I.shape[0]
     tau = {
         name: x[size:][columns]
@@ -766,6 +771,8 @@ def loops_by_balls(t: Telling, c: Case) -> Answers:
 @asks("on_floating_base")
 def on_floating_base(t: Telling, c: Case) -> Answers:
     mass, L = sum(body.mass for body in c.chain.model.inertias), c.chain.length_scale
+    if t.chain.mechanism.root != c.chain.mechanism.root:
+        return {}  # what is given to the ground link comes on top of what the base weighs
     # A ball about the origin of the plain world; the base's frame is the told one.
     base = pin.Inertia(mass, np.zeros(3), mass * L**2 * np.eye(3)).se3Action(t.world)
     free = stp.on_floating_base(t.chain, base)
