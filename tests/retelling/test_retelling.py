@@ -11,8 +11,9 @@ import pytest
 
 import stewart_pin as stp
 from tests.retelling.case import case, plain
-from tests.retelling.tellings import TELLINGS, Telling, tell
-from tests.retelling.verbs import KINDS, QUESTIONS, Answers, Sized, Verb
+from tests.retelling.telling import Telling
+from tests.retelling.tellings import TELLINGS, tell
+from tests.retelling.verbs.everything import KINDS, QUESTIONS, Answers, Sized, Verb
 
 _FEW = "all at once with six digits"
 _POINTS = "the closed form needs axes that meet to nine digits"
@@ -125,7 +126,7 @@ def tell_or_skip(robot: str, telling: str, folder: Path) -> Telling:
 @pytest.mark.parametrize(
     ("robot", "telling"),
     [("four_bar", t) for t in TELLINGS if not t.startswith("all at once with")]
-    + [("rpr_planar", "hinges as balls"), ("stewart", "all at once"), ("stewart", "cut elsewhere")],
+    + [("five_bar", "hinges as balls"), ("stewart", "all at once"), ("stewart", "cut elsewhere")],
 )
 def test_a_few_answers(robot: str, telling: str, tmp_path: Path) -> None:
     told = tell_or_skip(robot, telling, tmp_path)
