@@ -53,7 +53,7 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> Re
         - ``"isaac"``: URDF with Isaac Sim's loop joints. Spherical loops.
         - ``"gepetto"``: URDF, and beside it a YAML of the same name. Spherical and fixed loops.
         - ``"mjcf"``: for MuJoCo, whose loops are soft constraints: mass matrix and bias of its tree are exact, its
-          accelerations are not. It has no limits of speed: those of the chain are left out.
+          accelerations are not.
 
         All but the first and the last write couplings as ``<mimic>``, which has to be linear.
 

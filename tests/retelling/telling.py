@@ -74,8 +74,6 @@ class Telling:
         Whether the rows of loops are the plain ones, but for turned frames.
     same_gap
         Whether open loops have the plain gaps, but for turned frames.
-    same_limits
-        Whether all limits are told: MuJoCo has none for speeds.
     exact
         Whether nothing but round-off is lost.
     tolerance
@@ -90,7 +88,6 @@ class Telling:
     carry: Callable[[np.ndarray, np.ndarray, np.ndarray], State] | None = None
     same_rows: bool = True
     same_gap: bool = True
-    same_limits: bool = True
     exact: bool = True
     tolerance: float = 1e-9
 

@@ -90,7 +90,7 @@ class _Written:
 
     def __call__(self, name: str, plain: stp.ClosedChain, folder: Path) -> Telling | None:
         # MuJoCo has no hinge as a loop: two balls stand for it.
-        more: dict[str, Any] = {"same_rows": self.format != "mjcf", "same_limits": self.format != "mjcf"}
+        more: dict[str, Any] = {"same_rows": self.format != "mjcf"}
         if self.digits is not None:
             # A number keeps half a unit of its last digit; elimination multiplies that by condition numbers near 100.
             more["exact"] = False

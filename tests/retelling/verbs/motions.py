@@ -56,8 +56,6 @@ def sweep_demand(t: Telling, c: Case) -> Answers:
 
 @asks("fit_to_limits")
 def fit_to_limits(t: Telling, c: Case) -> Answers:
-    if not t.same_limits:
-        return {}
     found = stp.fit_to_limits(t.chain, lambda scale: told_motion(t, c, 5 * scale), margin=0.1)
     answers: Answers = {"scale": found.scale, "efforts": t.motors(found.demand.efforts)}
     if found.binding is not None:
