@@ -17,10 +17,17 @@ from tests.retelling.verbs.everything import KINDS, QUESTIONS, Answers, Sized, V
 
 _FEW = "all at once with six digits"
 _POINTS = "the closed form needs axes that meet to nine digits"
+
+
+def _few_digits(t: Telling) -> bool:
+    """Tell whether the axes of legs miss their points by more than the closed forms take."""
+    return t.name == _FEW or (t.plain.name == "stewart_cad" and t.name == "all at once with nine digits")
+
+
 REFUSED: dict[str, tuple[Callable[[Telling], bool], str]] = {
-    "hexapod": (lambda t: t.name == _FEW, _POINTS),
-    "control_by_a_point": (lambda t: t.name == _FEW, _POINTS),
-    "assembly_modes": (lambda t: t.name == _FEW, _POINTS),
+    "hexapod": (_few_digits, _POINTS),
+    "control_by_a_point": (_few_digits, _POINTS),
+    "assembly_modes": (_few_digits, _POINTS),
     "rotary_legs": (
         lambda t: t.name == _FEW or (t.plain.name == "delta" and t.name == "six digits"),
         _POINTS,
