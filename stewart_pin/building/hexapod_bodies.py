@@ -9,12 +9,14 @@ from stewart_pin.building.rotors import require_no_rotors
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies, LowerJoint, RigidBody
+from stewart_pin.model.description import JointKind
 from stewart_pin.model.fixed_links import fixed_to
 from stewart_pin.model.tree import link_frame
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.typing import FloatArray
 
 _SAME = 1e-9
-"""Deviation between the link frames and the leg frames of the closed form that is round-off [m and 1]."""
+"""Deviation of axes and leg ends from those of the closed form that is round-off, in leg lengths and radians."""
 
 
 def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
@@ -23,8 +25,9 @@ def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
     Parameters
     ----------
     chain
-        Chain of six legs, as `hexapod_chain` builds them: universal lower joints with first axis base x and second
-        axis leg y, or spherical ones with the leg as third axis; links with their z axis along the leg.
+        Chain of six legs: universal lower joints with first axis base x and second axis leg y, or spherical ones with
+        the leg as third axis, all as hinges through the foot. Frames of links, senses of axes and zeros of joints may
+        be any.
 
     Returns
     -------
@@ -45,19 +48,13 @@ def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
     lower, upper, axes = [], [], set()
     for motor, foot, head in zip(chain.motors, hexapod.base_points, hexapod.platform_points, strict=True):
         joint = mechanism.joint(motor)
-        leg = platform.act(head) - foot
-        for link, origin in ((joint.parent, foot), (joint.child, platform.act(head))):
-            frame = data.oMf[link_frame(model, link)]
-            off = np.linalg.norm(frame.translation - origin) + np.linalg.norm(
-                frame.rotation[:, 2] - leg / np.linalg.norm(leg)
-            )
-            if off > _SAME:
-                raise UnsupportedError(
-                    f"link '{link}' has not its origin at the leg end and its z axis along the leg"
-                )
-        axes.add(_lower_axes(chain, joint.parent))
-        lower.append(_rigid_body(chain, joint.parent))
-        upper.append(_rigid_body(chain, joint.child))
+        end = platform.act(head)
+        leg = _leg_axes(end - foot)
+        axes.add(
+            _lower_axes(chain, data, joint.parent, pin.SE3(leg, foot), float(np.linalg.norm(end - foot)))
+        )
+        lower.append(_rigid_body(chain, joint.parent, pin.SE3(leg, foot), data))
+        upper.append(_rigid_body(chain, joint.child, pin.SE3(leg, end), data))
     known = {*fixed_to(mechanism, mechanism.root), chain.platform_link}
     known |= {
         name
@@ -71,28 +68,57 @@ def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
     if len(axes) != 1 or next(iter(axes)) not in kinds:
         raise UnsupportedError("the closed form needs lower joints with the axes x, y or x, y, z")
     return HexapodBodies(
-        _rigid_body(chain, chain.platform_link), tuple(lower), tuple(upper), kinds[next(iter(axes))]
+        _rigid_body(chain, chain.platform_link, platform, data),
+        tuple(lower),
+        tuple(upper),
+        kinds[next(iter(axes))],
     )
 
 
-def _rigid_body(chain: ClosedChain, name: str) -> RigidBody:
+def _leg_axes(leg: FloatArray) -> FloatArray:
+    """Turn Rx(α) Ry(β) with cos β > 0 that takes z along a leg."""
+    z = leg / np.linalg.norm(leg)
+    y = np.array([0.0, z[2], -z[1]])
+    size = np.linalg.norm(y)
+    if size < _SAME:
+        raise UnsupportedError("a leg lies along base x, the first axis of its lower joint")
+    return np.column_stack([np.cross(y / size, z), y / size, z])
+
+
+def _rigid_body(chain: ClosedChain, name: str, at: pin.SE3, data: pin.Data) -> RigidBody:
+    """Read a body in a frame that is fixed to it, given in the world at home."""
     inertia = chain.mechanism.link(name).inertia or pin.Inertia.Zero()
+    there = at.actInv(data.oMf[link_frame(chain.model, name)])
+    # A link that stands as the closed form has it keeps its numbers to the last bit.
+    if not there.isIdentity(_SAME):
+        inertia = inertia.se3Action(there)
     return RigidBody(inertia.mass, inertia.lever, inertia.inertia)
 
 
-def _lower_axes(chain: ClosedChain, link: str) -> tuple[str, ...]:
-    """Axes of the joints from the ground to a link, such as ("x", "y"); "?" for any other."""
+def _lower_axes(
+    chain: ClosedChain, data: pin.Data, link: str, leg: pin.SE3, length: float
+) -> tuple[str, ...]:
+    """Axes of the joints from the ground to a link, such as ("x", "y"); "?" for any other.
+
+    The first is compared with base x, the second and third with y and z of the leg.
+    """
     parents = {joint.child: joint for joint in chain.mechanism.joints}
-    axes: list[str] = []
+    found: list[tuple[FloatArray, FloatArray] | None] = []
     while link != chain.mechanism.root:
         joint = parents[link]
-        turned = not np.array_equal(joint.placement.rotation, np.eye(3))
-        if joint.kind == "fixed" and not turned:
-            link = joint.parent
-            continue
-        names = [
-            name for name, axis in zip("xyz", np.eye(3), strict=True) if np.array_equal(joint.axis, axis)
-        ]
-        axes.insert(0, "?" if turned or not names or joint.kind != "revolute" else names[0])
+        if joint.kind is JointKind.REVOLUTE:
+            frame = data.oMf[link_frame(chain.model, link)]
+            found.insert(0, (frame.rotation @ joint.axis, frame.translation))
+        elif joint.kind is not JointKind.FIXED:
+            found.insert(0, None)
         link = joint.parent
-    return tuple(axes)
+    wanted = (("x", np.eye(3)[0]), ("y", leg.rotation[:, 1]), ("z", leg.rotation[:, 2]))
+    names = ["?"] * len(found)
+    for k, (hinge, (name, along)) in enumerate(zip(found, wanted, strict=False)):
+        if hinge is None:
+            continue
+        axis, point = hinge
+        off = np.linalg.norm(np.cross(axis, along))
+        off += np.linalg.norm(np.cross(axis, leg.translation - point)) / length
+        names[k] = name if off < _SAME else "?"
+    return tuple(names)

@@ -339,7 +339,10 @@ class _MotorReference:
             lengths = leg_lengths(self._hexapod, want.position, want.rotation)[0]
             rates = leg_rates(self._hexapod, want.position, want.rotation, want.twist)[0]
             return self._sign * (lengths - self._offset), self._sign * rates
-        state = platform_motion(chain, want.pose(0), want.twist[0], np.zeros(6), q_guess=q, limits=False)
+        # A platform with fewer than six freedoms cannot move without the acceleration that goes with it.
+        state = platform_motion(
+            chain, want.pose(0), want.twist[0], want.acceleration[0], q_guess=q, limits=False
+        )
         return state.q[chain.motor_q_index], state.v[chain.motor_index]
 
 

@@ -11,6 +11,7 @@ import pytest
 import stewart_pin as stp
 from tests.closed_states import random_configuration, random_motion, robot
 from tests.mechanisms import four_bar
+from tests.retelling.case import case
 
 
 def composite(chain: stp.ClosedChain, **options) -> partial:
@@ -121,6 +122,20 @@ def test_leg_pid_tracks_and_its_integral_removes_the_sag() -> None:
     # 50 N per leg on 1e5 N/m, legs inclined.
     assert 2e-4 < sag[0.0] < 1e-3
     assert sag[2e6] < sag[0.0] / 50
+
+
+@pytest.mark.parametrize("name", ["four_bar", "five_bar", "rpr_planar"])
+def test_leg_pid_follows_platforms_with_few_freedoms(name: str) -> None:
+    """A platform on a curve cannot move without centripetal acceleration, and is not asked to."""
+    asked = case(name)
+    chain, t = asked.chain, 0.1
+    controller = stp.LegPID(chain, lambda times: asked.motion(1.0, tuple(times)), kp=100.0, kd=7.0)
+    w = 2 * np.pi * asked.frequency
+    away, rate = asked.amplitude(1.0) * np.sin(w * t), asked.amplitude(1.0) * w * np.cos(w * t)
+    effort = controller(t, chain.q_home, np.zeros(chain.nv))
+    np.testing.assert_allclose(
+        effort, 100.0 * away + 7.0 * rate, rtol=1e-9
+    )  # round-off of inverse kinematics
 
 
 def test_the_integral_stops_at_its_limit() -> None:

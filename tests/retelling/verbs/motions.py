@@ -1,0 +1,118 @@
+"""What motions demand, control, simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import stewart_pin as stp
+from tests.retelling.case import Case
+from tests.retelling.telling import Telling
+from tests.retelling.verbs.asking import Answers, Sized, asks, keeps_closed, told_motion
+
+
+@asks("motor_demand")
+def motor_demand(t: Telling, c: Case) -> Answers:
+    return _demand(t, stp.motor_demand(t.chain, told_motion(t, c, 1.0), kernels=False))
+
+
+@asks("motor_demand", kind="compiled")
+def demand_by_kernels(t: Telling, c: Case) -> Answers:
+    return _demand(t, stp.motor_demand(t.chain, told_motion(t, c, 1.0), kernels=True))
+
+
+def _demand(t: Telling, found: stp.MotorDemand) -> Answers:
+    return {
+        "positions": t.positions(found.positions),
+        "rates": t.motors(found.rates),
+        "efforts": t.motors(found.efforts),
+    }
+
+
+@asks("compare_methods", kind="slow")
+def compare_methods(t: Telling, c: Case) -> Answers:
+    found = stp.compare_methods(t.chain, told_motion(t, c, 1.0), kernels=False)
+    # The closed form of legs counts their turns from base x.
+    answers: Answers = {} if t.turned_base else {"methods": len(found.forces)}
+    for title, table in (
+        ("forces", found.forces),
+        ("simplified", found.simplified),
+        ("part", found.contributions),
+    ):
+        # A part may weigh nothing, as the turning of a point.
+        answers |= {f"{title}: {name}": Sized(t.motors(tau), c.effort) for name, tau in table.items()}
+    return answers
+
+
+@asks("sweep_demand")
+def sweep_demand(t: Telling, c: Case) -> Answers:
+    found = stp.sweep_demand(
+        t.chain, lambda scale: told_motion(t, c, scale), {"scale": [0.5, 1.0]}, kernels=False
+    )
+    return {
+        name: t.unsigned(found[name])
+        for name in ("peak_effort", "rms_effort", "travel", "peak_rate", "peak_power", "mean_power")
+    }
+
+
+@asks("fit_to_limits")
+def fit_to_limits(t: Telling, c: Case) -> Answers:
+    found = stp.fit_to_limits(t.chain, lambda scale: told_motion(t, c, 5 * scale), margin=0.1)
+    answers: Answers = {"scale": found.scale, "efforts": t.motors(found.demand.efforts)}
+    if found.binding is not None:
+        # A tie between motors, or samples, is decided by round-off.
+        answers |= {"use": found.binding.use, "limit": found.binding.limit}
+    answers |= {f"unscaled {b.limit}": b.use for b in found.unscaled}
+    return answers
+
+
+@asks("ComputedTorque")
+def computed_torque(t: Telling, c: Case) -> Answers:
+    reference = lambda times: told_motion(t, c, 1.0, times)  # noqa: E731
+    q, v, _ = t.state(c.near, keeps_closed(c, c.near))
+    if not t.same_size:
+        return {}  # what is left of a correction that the platform cannot do
+    return {"efforts": t.motors(stp.ComputedTorque(t.chain, reference)(0.1, q, v))}
+
+
+@asks("Feedforward", "LegPID", "GravityCompensation", "SampledController")
+def control(t: Telling, c: Case) -> Answers:
+    reference = lambda times: told_motion(t, c, 1.0, times)  # noqa: E731
+    q, v, _ = t.state(c.near, keeps_closed(c, c.near))
+    pid = stp.LegPID(t.chain, reference, kp=1e3 * c.effort, kd=10 * c.effort)
+    answers: Answers = {
+        "feedforward": stp.Feedforward(t.chain, reference)(0.1, q, v),
+        "pid": pid(0.1, q, v),
+        "integral": stp.LegPID(t.chain, reference, ki=1e3 * c.effort).state_rate(
+            0.1, q, v, np.zeros(t.chain.nu)
+        ),
+        "gravity": stp.GravityCompensation(t.chain)(0.1, q, v),
+        "sampled": stp.SampledController(t.chain, pid)(0.1, q, v),
+    }
+    return {
+        name: Sized(t.motors(tau), c.effort if name != "integral" else 0.0) for name, tau in answers.items()
+    }
+
+
+@asks("Feedforward", "ComputedTorque")
+def control_by_a_point(t: Telling, c: Case) -> Answers:
+    reference = lambda times: told_motion(t, c, 1.0, times)  # noqa: E731
+    q, v, _ = t.state(c.near, keeps_closed(c, c.near))
+    return {
+        make.__name__: t.motors(make(t.chain, reference, model="point_mass")(0.1, q, v))
+        for make in (stp.Feedforward, stp.ComputedTorque)
+    }
+
+
+@asks("simulate", "resume", "Simulation", kind="slow")
+def simulate(t: Telling, c: Case) -> Answers:
+    q, v, _ = t.state(c.near, 0.1 * keeps_closed(c, c.near))
+    hold = stp.GravityCompensation(t.chain)
+    first = stp.simulate(t.chain, q, v, hold, duration=0.01, dt=2e-3, kernels=False)
+    found = stp.resume(t.chain, first.final_state, hold, duration=0.01, kernels=False)
+    return {
+        "efforts": Sized(t.motors(found.tau_motor), c.effort),
+        "positions": t.positions(found.q[:, t.chain.motor_q_index]),
+        "rates": t.motors(found.v[:, t.chain.motor_index]),
+        "platform": t.twists(found.platform.twist),
+        "gained": Sized(found.energy[-1] - found.energy[0], c.effort * c.chain.length_scale),
+    }
