@@ -11,7 +11,8 @@ from scipy.optimize import lsq_linear
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import JointKind, Note, Outcome
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.configurations import clipped, limit_violations, random_configuration, unwound
+from stewart_pin.state.configurations import clipped, random_configuration, unwound
+from stewart_pin.state.limits import Excess
 from stewart_pin.state.newton import Closure, displaced, polish
 from stewart_pin.state.state import State
 from stewart_pin.tolerances import CLOSED
@@ -87,12 +88,12 @@ def _settle_assembled(chain: ClosedChain) -> ClosedChain:
             path=chain.mechanism.source,
             culprit="home",
         )
-    outside = limit_violations(chain, start.q, _CLOSED_IN_FILE)
+    outside = _outside(chain, start.q)
     if not outside:
         return chain.with_home(start.q)
-    q = _carry_inside(chain, start.q, list(outside))
-    found = limit_violations(chain, q, _CLOSED_IN_FILE)
-    worst = next(iter(outside))
+    q = _carry_inside(chain, start.q, [excess.joint for excess in outside])
+    found = _outside(chain, q)
+    worst = outside[0].joint
     text = f"home: the pose of the file is beyond the limits of {len(outside)} joints; " + (
         "they were moved inside" if not found else "the loops let them no further, and it stays there"
     )
@@ -112,7 +113,7 @@ def _carry_inside(chain: ClosedChain, q: Configuration, joints: list[str]) -> Co
         if not closure.success:
             return q
         q = closure.q
-        if not limit_violations(chain, q, _CLOSED_IN_FILE):
+        if not _outside(chain, q):
             return q
     return q
 
@@ -274,7 +275,7 @@ def _bounded(
     if closed is None or _moved(chain, guess, closed, given):
         return None
     q = np.where(_in_configuration(chain, entries & ~given), unwound(chain, closed), closed)
-    return None if limit_violations(chain, q, _CLOSED_IN_FILE, np.flatnonzero(entries)) else q
+    return None if _outside(chain, q, np.flatnonzero(entries)) else q
 
 
 def _closed_group(
@@ -362,6 +363,13 @@ def _with_home(chain: ClosedChain, q: Configuration) -> ClosedChain:
 
 
 def _beyond_limits(chain: ClosedChain, q: Configuration) -> str:
-    for name, (value, lower, upper) in limit_violations(chain, q, _CLOSED_IN_FILE).items():
-        return f"joint '{name}' would stand at {value:.6g}, beyond its limits {lower:.6g} to {upper:.6g}"
+    for excess in _outside(chain, q):
+        least, most = excess.allowed
+        return f"joint '{excess.joint}' would stand at {excess.value:.6g}, beyond its limits {least:.6g} to {most:.6g}"
     return ""
+
+
+def _outside(chain: ClosedChain, q: Configuration, entries: np.ndarray | None = None) -> tuple[Excess, ...]:
+    """List joints of the tree beyond their ranges; a home with few digits may be so by what it lacks."""
+    looked_at = np.arange(chain.nv) if entries is None else entries
+    return chain.judge.positions(q, slack=_CLOSED_IN_FILE, entries=looked_at)
