@@ -61,6 +61,23 @@ class MotorDemand:
     chain: ClosedChain = field(repr=False)
     samples: PlatformSamples = field(repr=False)
 
+    def holds(self) -> bool:
+        """Tell whether every limit holds, as `check`, but ask the other joints only where the motors keep theirs.
+
+        Returns
+        -------
+        bool
+            False too where joints that have limits cannot follow the motion.
+        """
+        chain = self.chain
+        asked = asked_of_motors(chain, self.positions, self.rates, self.efforts)
+        if chain.judge.excesses(asked):
+            return False
+        try:
+            return not chain.judge.excesses(asked_of_others(chain, self.samples))
+        except ClosureError:
+            return False
+
     def check(self) -> tuple[Excess, ...]:
         """List the limits that the motion exceeds: of the motors, of passive joints and of joints that close loops.
 

@@ -129,7 +129,7 @@ class Judge:
         stated = limits.stated("position")
         self._tree, self._extra = stated[stated < chain.nv], stated[stated >= chain.nv]
         self._at = self._q[self._tree]
-        slack = AT_LIMIT * self._sizes(self._tree)
+        slack = AT_LIMIT * self.sizes(self._tree)
         lower, upper = limits.bounds("position", self._tree).T
         self._least, self._most = lower - slack, upper + slack
 
@@ -204,6 +204,30 @@ class Judge:
             found.append(Asked(kind, rows, np.hstack([own, extra])))
         return found
 
+    def rates(self, q: Configuration, motions: FloatArray, rows: np.ndarray) -> FloatArray:
+        """Tell how fast coordinates change along motions.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        motions
+            (nv, k) tangent velocities, one in each column [m/s, rad/s].
+        rows
+            (r,) rows of the limits; those of loops are differentiated by differences [index].
+
+        Returns
+        -------
+        numpy.ndarray
+            (r, k) rates [m/s or rad/s].
+        """
+        nv = self._chain.nv
+        tree, extra = rows[rows < nv], rows[rows >= nv]
+        if not extra.size:
+            return motions[tree]
+        along = np.repeat(q[None], motions.shape[1], axis=0)
+        return np.vstack([motions[tree], self._of_loops("velocity", extra, along, motions.T, None).T])
+
     def excesses(
         self, asked: Iterable[Asked], *, time: FloatArray | None = None, slack: float = AT_LIMIT
     ) -> tuple[Excess, ...]:
@@ -271,12 +295,24 @@ class Judge:
             (k, 2) at either end [unit of the kind].
         """
         if asked.kind == "position":
-            return np.repeat(slack * self._sizes(asked.rows)[:, None], 2, axis=1)
+            return np.repeat(slack * self.sizes(asked.rows)[:, None], 2, axis=1)
         differences = (asked.rows >= self._chain.nv) & (slack < _BY_DIFFERENCES)
         share = np.where(differences, _BY_DIFFERENCES, slack)
         return share[:, None] * np.abs(self._chain.limits.of(asked.kind)[asked.rows])
 
-    def _sizes(self, rows: np.ndarray) -> FloatArray:
+    def sizes(self, rows: np.ndarray) -> FloatArray:
+        """Tell natural sizes of coordinates.
+
+        Parameters
+        ----------
+        rows
+            (k,) rows of the limits [index].
+
+        Returns
+        -------
+        numpy.ndarray
+            (k,) the size of the robot [m], or 1 [rad].
+        """
         return np.where(self._chain.limits.is_length[rows], self._chain.length_scale, 1.0)
 
     def _of_loops(

@@ -36,7 +36,7 @@ class Memory:
     doubt
         Error of the quadrature of work [J].
     watcher, loops
-        Which events last, (3, nu) of motors and that of a singularity; of the loops with the distance seen
+        Which events last, (k,) of limits and that of a singularity; of the loops with the distance seen
         (dimensionless).
     """
 

@@ -2,7 +2,8 @@
 
 A loop has a ``<predecessor link>`` and a ``<successor link>``, each with its ``<origin>``, and an ``<axis>``.
 Besides the types of URDF+, all kinds of loops are read and written: a universal one has ``<axis2>``, a distance has a
-``<length value>``.
+``<length value>``. What its coordinates may do stands in ``<limit>`` as for a joint, of a kind with several in one for
+each ``coordinate``.
 
 A coupling has a ``<predecessor link>``, a ``<successor link>`` and a ``<ratio value>``: the positions of the joints
 from the nearest common ancestor of the two links to the successor sum up to the ratio times that of the predecessor.
@@ -24,11 +25,20 @@ from pathlib import Path
 from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import AXIS_FREE_LOOPS, LOOP_KINDS, Coupling, JointKind, Loop, Mechanism
+from stewart_pin.model.description import (
+    AXIS_FREE_LOOPS,
+    LOOP_KINDS,
+    Coupling,
+    JointKind,
+    Loop,
+    Mechanism,
+    loop_coordinates,
+)
 from stewart_pin.model.formats.dialect import Dialect, Parts
 from stewart_pin.model.formats.frames import upward
+from stewart_pin.model.formats.urdf_core import read_bounds
 from stewart_pin.model.formats.urdf_elements import UrdfElements
-from stewart_pin.model.formats.urdf_writer import save, tree_element, write_origin
+from stewart_pin.model.formats.urdf_writer import save, tree_element, write_bounds, write_origin
 from stewart_pin.model.formats.xml import number_text
 
 
@@ -41,7 +51,7 @@ def _read_loop(reader: UrdfElements, element: etree._Element) -> Parts:
         raise reader.error(f"{owner} has the type '{written}'; supported: {', '.join(LOOP_KINDS)}", owner)
     kind = JointKind(written)
     parts = {JointKind.UNIVERSAL: ("axis", "axis2"), JointKind.DISTANCE: ("length",)}.get(kind, ("axis",))
-    reader.only(element, owner, ("name", "type"), ("predecessor", "successor", *parts))
+    reader.only(element, owner, ("name", "type"), ("predecessor", "successor", "limit", *parts))
     ends = [reader.child(element, tag, owner) for tag in ("predecessor", "successor")]
     for end in ends:
         reader.only(end, owner, ("link",), ("origin",))
@@ -62,6 +72,7 @@ def _read_loop(reader: UrdfElements, element: etree._Element) -> Parts:
         axis=reader.axis(element, owner, "axis", default),
         axis2=reader.axis(element, owner, "axis2", "0 1 0" if kind is not JointKind.UNIVERSAL else ""),
         length=length,
+        bounds=read_bounds(reader, element, owner, kind),
     )
     return Parts(loops=(loop,))
 
@@ -187,6 +198,9 @@ def _write_loop(robot: etree._Element, loop: Loop) -> None:
         etree.SubElement(element, "axis2", xyz=number_text(loop.axis2))
     if loop.kind is JointKind.DISTANCE:
         etree.SubElement(element, "length", value=number_text([loop.length]))
+    own = loop_coordinates(loop.kind)
+    for coordinate, bounds in zip(own, loop.bounds, strict=False):
+        write_bounds(element, bounds, **({"coordinate": coordinate} if len(own) > 1 else {}))
 
 
 DIALECT = Dialect(
