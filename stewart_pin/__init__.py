@@ -25,8 +25,8 @@ from stewart_pin.building.from_hexapod import hexapod_chain as hexapod_chain
 from stewart_pin.building.hexapod_bodies import hexapod_bodies as hexapod_bodies
 from stewart_pin.building.hexapod_inertias import hexapod_inertias as hexapod_inertias
 from stewart_pin.building.hexapod_table import read_hexapod as read_hexapod
-from stewart_pin.building.loading import load as load
 from stewart_pin.building.limits import with_limits as with_limits
+from stewart_pin.building.loading import load as load
 from stewart_pin.building.locking import lock_joints as lock_joints
 from stewart_pin.building.loops_by_balls import loops_by_balls as loops_by_balls
 from stewart_pin.building.planar_legs import planar_rpr as planar_rpr

@@ -8,7 +8,16 @@ from math import inf, isnan
 from typing import Any
 
 from stewart_pin.errors import InputError, MechanismError
-from stewart_pin.model.description import BALL, Bounds, Joint, JointKind, Loop, Mechanism, Span, loop_coordinates
+from stewart_pin.model.description import (
+    BALL,
+    Bounds,
+    Joint,
+    JointKind,
+    Loop,
+    Mechanism,
+    Span,
+    loop_coordinates,
+)
 from stewart_pin.model.limits import KINDS
 from stewart_pin.model.tree import set_limits
 from stewart_pin.model.validation import validate
@@ -83,7 +92,7 @@ def with_limits(
 
 
 def _changed(mechanism: Mechanism, chain: ClosedChain, name: str, kind: str, value: Any) -> Mechanism:
-    """The description with one limit of one coordinate changed."""
+    """Change one limit of one coordinate."""
     owner = f"limits[{name!r}][{kind!r}]"
     for joint in mechanism.joints:
         if joint.name == name and joint.has_axis:
@@ -99,13 +108,15 @@ def _changed(mechanism: Mechanism, chain: ClosedChain, name: str, kind: str, val
             continue
         if kind == "effort":
             raise InputError(f"{owner}: joint '{loop.name}' closes a loop, and no motor drives it")
-        if loop.kind is JointKind.SPHERICAL and kind == "position":
+        if loop.kind is JointKind.SPHERICAL:
             span = -inf, _cone(owner, kind, value)
         else:
             span = _span(owner, value)
         return _with_loop(mechanism, loop, names.index(name), kind, span)
     taken = [*(joint.name for joint in mechanism.joints if joint.has_axis), *chain.limits.names[chain.nv :]]
-    raise InputError(f"limits name {name!r}, which has no coordinate to limit; those that have: {', '.join(taken)}")
+    raise InputError(
+        f"limits name {name!r}, which has no coordinate to limit; those that have: {', '.join(taken)}"
+    )
 
 
 def _with_joint(mechanism: Mechanism, changed: Joint) -> Mechanism:

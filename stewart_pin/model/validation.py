@@ -10,7 +10,16 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import MechanismError
-from stewart_pin.model.description import LOOP_KINDS, TREE_KINDS, JointKind, Link, Mechanism, Note, Outcome, loop_coordinates
+from stewart_pin.model.description import (
+    LOOP_KINDS,
+    TREE_KINDS,
+    JointKind,
+    Link,
+    Mechanism,
+    Note,
+    Outcome,
+    loop_coordinates,
+)
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9
@@ -215,7 +224,8 @@ class _Validator:
                 own = ", ".join(loop_coordinates(loop.kind)) or "none"
                 raise self._error(
                     loop.name,
-                    f"loop '{loop.name}' has {len(loop.bounds)} bounds; its kind '{loop.kind}' has the coordinates: {own}",
+                    f"loop '{loop.name}' has {len(loop.bounds)} bounds; the coordinates of its kind '{loop.kind}' are: "
+                    f"{own}",
                 )
             for bounds in loop.bounds:
                 for what, span in vars(bounds).items():

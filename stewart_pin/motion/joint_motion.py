@@ -74,7 +74,9 @@ def joint_motion(
     return JointMotion(q, v, a) if rates else JointMotion(q)
 
 
-def asked_of_motors(chain: ClosedChain, positions: FloatArray, rates: FloatArray, efforts: FloatArray) -> list[Asked]:
+def asked_of_motors(
+    chain: ClosedChain, positions: FloatArray, rates: FloatArray, efforts: FloatArray
+) -> list[Asked]:
     """Tell what a motion asks of the motors.
 
     Parameters

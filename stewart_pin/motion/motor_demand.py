@@ -197,9 +197,7 @@ def demands_by_kernels(kernels: Kernels, motions: Sequence[PlatformSamples]) -> 
             # Angles are those of home's branch; they go on where a motor has turned further.
             positions[part, turning] = np.unwrap(positions[part, turning], axis=0)
         found.append(
-            MotorDemand(
-                samples.time, positions[part], rates[part], efforts[part], kernels.chain, samples
-            )
+            MotorDemand(samples.time, positions[part], rates[part], efforts[part], kernels.chain, samples)
         )
     return found
 

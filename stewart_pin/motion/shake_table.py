@@ -109,7 +109,7 @@ class FitReport:
 def fit_to_limits(
     chain: ClosedChain, motion: Callable[[float], PlatformSamples], *, margin: float = 0.0
 ) -> FitReport:
-    """Scale a motion down until every limit that is stated holds: of motors, passive joints and joints that close loops.
+    """Scale a motion down until every limit that is stated holds, of passive joints and joints that close loops too.
 
     The poses found pass `inverse_kinematics` with limits, and the motion is within what `limits_exceeded` judges.
 
@@ -143,9 +143,7 @@ def fit_to_limits(
 
 
 class _Fit:
-    def __init__(
-        self, chain: ClosedChain, motion: Callable[[float], PlatformSamples], margin: float
-    ) -> None:
+    def __init__(self, chain: ClosedChain, motion: Callable[[float], PlatformSamples], margin: float) -> None:
         self.chain, self.motion, self.margin = chain, motion, margin
 
     def report(self) -> FitReport:
@@ -163,7 +161,9 @@ class _Fit:
             unscaled += others
         samples = self.motion(scale)
         demand = motor_demand(self.chain, samples)
-        uses = self._used(asked_of_motors(self.chain, demand.positions, demand.rates, demand.efforts), demand.time)
+        uses = self._used(
+            asked_of_motors(self.chain, demand.positions, demand.rates, demand.efforts), demand.time
+        )
         return FitReport(
             scale=scale,
             samples=samples,
@@ -223,7 +223,9 @@ class _Fit:
         try:
             asked = asked_of_others(self.chain, samples, instants)
         except ClosureError as error:
-            return [Binding("reach", self.chain.platform, float(samples.time[0]), error.residual, 0.0, np.inf)]
+            return [
+                Binding("reach", self.chain.platform, float(samples.time[0]), error.residual, 0.0, np.inf)
+            ]
         time = samples.time if instants is None else samples.time[list(instants)]
         return self._used(asked, time)
 
@@ -259,7 +261,9 @@ class _Fit:
             end = np.where(values < 0, low, high)
             with np.errstate(divide="ignore", invalid="ignore"):
                 share = np.abs(values) / np.abs(free * end)
-            share = np.where(np.abs(values) <= AT_LIMIT * np.nanmax(np.abs([lower, upper]), axis=0), 0.0, share)
+            share = np.where(
+                np.abs(values) <= AT_LIMIT * np.nanmax(np.abs([lower, upper]), axis=0), 0.0, share
+            )
             if around.all():
                 return share, np.broadcast_to(free * end, values.shape)
         # A stroke with one end counts from there, by the size of the robot.

@@ -16,7 +16,7 @@ angle     of a ball: that of its whole rotation
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -26,11 +26,12 @@ import pinocchio as pin
 from stewart_pin.model.description import BALL, JointKind, loop_coordinates
 from stewart_pin.model.limits import LimitKind, Limits
 from stewart_pin.model.loop_rows import orthonormal_triad
-from stewart_pin.typing import Configuration, FloatArray, Tangent
+from stewart_pin.typing import Configuration, FloatArray
 
 if TYPE_CHECKING:
     from stewart_pin.state.chain import ClosedChain
 
+_Read = Callable[[Sequence[pin.SE3], Configuration], float]
 AT_LIMIT = 1e-9
 """Excess over a limit that is still round-off: of positions in robot sizes or radians, of the rest as a share of the
 limit."""
@@ -257,8 +258,9 @@ class Judge:
             for beyond, end in ((_below, 0), (_above, 1)):
                 ends = limits.of(each.kind)[each.rows, end]
                 over = beyond(each.values, ends)
-                # nan, where nothing is stated, is above nothing; but what is no number keeps no limit.
-                over[np.isnan(each.values) & ~np.isnan(ends)] = np.inf
+                # nan, where nothing is stated, is above nothing; but what is no number keeps no limit, told once.
+                told = ~np.isnan(ends) & (np.isnan(limits.of(each.kind)[each.rows, 1]) | (end == 1))
+                over[np.isnan(each.values) & told] = np.inf
                 worst = np.argmax(np.where(np.isnan(over), -np.inf, over), axis=0)
                 most = over[worst, np.arange(each.rows.size)]
                 for k in np.flatnonzero(most > free[:, end]):
@@ -416,9 +418,9 @@ def _turn(axis: FloatArray, before: FloatArray, after: FloatArray) -> float:
     return float(np.arctan2(across, along))
 
 
-def _readers(chain: ClosedChain):  # noqa: ANN202 - a list of closures
+def _readers(chain: ClosedChain) -> list[_Read]:
     """One function of placements and configuration per row beyond the tangent entries, in their order."""
-    found = []
+    found: list[_Read] = []
     joints = {joint.name: joint for joint in chain.mechanism.joints}
     for number, (name, entry) in enumerate(zip(chain.model.names, chain.model.joints, strict=True)):
         joint = joints.get(name) if number else None
@@ -436,15 +438,15 @@ def _readers(chain: ClosedChain):  # noqa: ANN202 - a list of closures
     return found
 
 
-def _of_ball(reader: _Reader, at: int):  # noqa: ANN202
+def _of_ball(reader: _Reader, at: int) -> _Read:
     def read(_: object, q: Configuration) -> float:
         return reader.read(pin.SE3(pin.Quaternion(q[at : at + 4]).toRotationMatrix(), np.zeros(3)))
 
     return read
 
 
-def _of_loop(reader: _Reader, joint1: int, joint2: int, one: pin.SE3, two: pin.SE3):  # noqa: ANN202
-    def read(placed: list[pin.SE3], _: Configuration) -> float:
+def _of_loop(reader: _Reader, joint1: int, joint2: int, one: pin.SE3, two: pin.SE3) -> _Read:
+    def read(placed: Sequence[pin.SE3], _: Configuration) -> float:
         return reader.read((placed[joint1] * one).actInv(placed[joint2] * two))
 
     return read

@@ -166,9 +166,7 @@ def _signature(function: Callable[..., Any]) -> inspect.Signature:
         return inspect.Signature([inspect.Parameter("any", inspect.Parameter.VAR_KEYWORD)])
 
 
-def _name(
-    chain: ClosedChain | Callable[..., ClosedChain], motion: Callable[..., Any], limits: bool
-) -> str:
+def _name(chain: ClosedChain | Callable[..., ClosedChain], motion: Callable[..., Any], limits: bool) -> str:
     given = isinstance(chain, ClosedChain)
     robot = f"{chain.name} (digest {_digest(chain)[:8]})" if given else function_name(chain)
     return f"motor demand of {robot} under {function_name(motion)}" + (" within limits" if limits else "")

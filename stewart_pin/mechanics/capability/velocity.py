@@ -26,8 +26,8 @@ def velocity_polytope(
     """Find all twists of the platform that the joints' rate limits allow.
 
     The set is exact: a skewed box with 64 corners for six motors and six freedoms, a zonotope for a redundant arm. A
-    passive joint, or joint that closes a loop, for which a velocity limit is stated counts as well. A joint that stands at the end of its
-    range cannot leave it, which takes away the motions to that side.
+    passive joint, or joint that closes a loop, for which a velocity limit is stated counts as well. A joint that stands
+    at the end of its range cannot leave it, which takes away the motions to that side.
 
     Parameters
     ----------

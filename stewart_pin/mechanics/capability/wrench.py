@@ -80,7 +80,9 @@ def wrench_polytope(
         weight = weight + freedom.motions.T @ state.weight
     held, efforts = _inner_balance(space.share, motors, weight)
     to_platform = np.linalg.pinv(space.share.T)
-    names = tuple((f"{m} at {a:+.6g}", f"{m} at {b:+.6g}") for m, (a, b) in zip(chain.motors, ends, strict=True))
+    names = tuple(
+        (f"{m} at {a:+.6g}", f"{m} at {b:+.6g}") for m, (a, b) in zip(chain.motors, ends, strict=True)
+    )
     shape = image_of_limits(
         efforts, -1.0 - held, 1.0 - held, names,
         to_platform @ motors @ efforts, to_platform @ (motors @ held - weight),

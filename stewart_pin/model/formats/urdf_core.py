@@ -210,7 +210,9 @@ def read_limit(
     """
     keys = ("lower", "upper", *_BOTH_SIDES, *(f"least_{key}" for key in _BOTH_SIDES), "deceleration")
     limits = _numbers(reader, element, owner, keys)
-    if "deceleration" in limits:  # which end of an acceleration brakes changes with the direction of the motion
+    if (
+        "deceleration" in limits
+    ):  # which end of an acceleration brakes changes with the direction of the motion
         braking = limits.pop("deceleration")
         if braking != limits.get("acceleration"):
             least = min(braking, limits.get("acceleration", np.inf))
@@ -230,7 +232,9 @@ def read_limit(
     return found
 
 
-def read_bounds(reader: UrdfElements, element: etree._Element, owner: str, kind: JointKind) -> tuple[Bounds, ...]:
+def read_bounds(
+    reader: UrdfElements, element: etree._Element, owner: str, kind: JointKind
+) -> tuple[Bounds, ...]:
     """Read the limits of a joint that closes a loop: one ``<limit>`` for each coordinate, which names it.
 
     Parameters
@@ -259,7 +263,9 @@ def read_bounds(reader: UrdfElements, element: etree._Element, owner: str, kind:
         numbers = read_limit(reader, limit, owner)
         numbers.pop("effort", None)  # no motor drives it
         position = (float(numbers.pop("lower", -np.inf)), float(numbers.pop("upper", np.inf)))
-        spans = {key: value if isinstance(value, tuple) else (-value, value) for key, value in numbers.items()}
+        spans = {
+            key: value if isinstance(value, tuple) else (-value, value) for key, value in numbers.items()
+        }
         found[coordinate] = Bounds(position=position, **spans)
     return tuple(found.get(coordinate, Bounds()) for coordinate in own) if found else ()
 

@@ -27,11 +27,13 @@ class Event:
     time
         End of the step in which it began [s].
     kind
-        One of ``stroke``, ``rate``, ``effort``: a motor or another joint passed its limit; ``singularity``: the motors' hold on the
-        platform, or the distance of the loops to a singularity of theirs, fell below the threshold; ``closure_lost``,
-        ``diverged``, ``controller`` (it gave no efforts), ``energy`` (the step is too large): the run ended there.
+        One of ``stroke``, ``rate``, ``effort``: a motor or another joint passed its limit; ``singularity``: the
+        motors' hold on the platform, or the distance of the loops to a singularity of theirs, fell below the
+        threshold; ``closure_lost``, ``diverged``, ``controller`` (it gave no efforts), ``energy`` (the step is too
+        large): the run ended there.
     joint
-        The motor or other joint, the joint that moves most in the motion that is lost or gained, the loop, or ``energy``.
+        The motor or other joint, the joint that moves most in the motion that is lost or gained, the loop, or
+        ``energy``.
     value
         What was reached [m, rad, m/s, rad/s, N, N m, J, or a singular value].
     limit

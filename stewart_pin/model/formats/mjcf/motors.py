@@ -152,7 +152,7 @@ def _span(limits: Any) -> Span:
 
 
 def _clamped(span: Span, by: Span) -> Span:
-    """What is left of a range whose values are clamped, as MuJoCo does."""
+    """Clamp the values of a range, as MuJoCo does."""
     least, most = (min(max(end, by[0]), by[1]) for end in span)
     return least, most
 

@@ -273,7 +273,7 @@ def _row(joint: SdfJoint, child: str, placement: pin.SE3, axes: list[FloatArray]
 
 
 def _bounds(axis: Axis) -> tuple[Bounds]:
-    """What the coordinate of a joint that closes a loop may do: it is zero where the model is placed."""
+    """Gather the limits of a joint that closes a loop: its coordinate is zero where the model is placed."""
     return (
         Bounds(
             position=(axis.lower, axis.upper),
