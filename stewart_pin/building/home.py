@@ -35,7 +35,7 @@ _ENOUGH = 1e-6
 
 
 def settle_home(chain: ClosedChain) -> ClosedChain:
-    """Close the loops at home.
+    """Close the loops at home; the report tells which joints without a coordinate are beyond their limits there.
 
     The description's home is closed by the shortest way. Joints that it does not name are searched for: from the
     neutral configuration moved inside the joint limits, by bounded least squares, and then from seeded random ones,
@@ -57,8 +57,18 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
     MechanismError
         If the loops do not close, or only beyond the joint limits, or with a loop's axes against each other.
     """
-    if chain.mechanism.assembled:
-        return _settle_assembled(chain)
+    settled = _settle_assembled(chain) if chain.mechanism.assembled else _settle(chain)
+    beyond = settled.judge.positions(settled.q_home, slack=_CLOSED_IN_FILE)
+    names = settled.limits.names[chain.nv :]
+    notes = [
+        Note(f"joint '{excess.joint}'", f"home is beyond its limits: {excess}", Outcome.KEPT)
+        for excess in beyond
+        if excess.joint in names
+    ]
+    return settled.with_home(settled.q_home, *notes) if notes else settled
+
+
+def _settle(chain: ClosedChain) -> ClosedChain:
     given = _named_entries(chain)
     guess = _alone_inside(chain, home_guess(chain), given)
     direct = polish(chain, guess)

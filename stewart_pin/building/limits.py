@@ -108,10 +108,8 @@ def _changed(mechanism: Mechanism, chain: ClosedChain, name: str, kind: str, val
             continue
         if kind == "effort":
             raise InputError(f"{owner}: joint '{loop.name}' closes a loop, and no motor drives it")
-        if loop.kind is JointKind.SPHERICAL:
-            span = -inf, _cone(owner, kind, value)
-        else:
-            span = _span(owner, value)
+        ball = loop.kind is JointKind.SPHERICAL
+        span = (-inf, _cone(owner, kind, value)) if ball else _span(owner, value)
         return _with_loop(mechanism, loop, names.index(name), kind, span)
     taken = [*(joint.name for joint in mechanism.joints if joint.has_axis), *chain.limits.names[chain.nv :]]
     raise InputError(

@@ -17,7 +17,7 @@ SWING = 0.3
 
 @pytest.fixture(scope="module")
 def hinged() -> stp.ClosedChain:
-    """The Stewart platform with lower hinges that turn by 0.3 rad to either side."""
+    """Limit the lower hinges of the Stewart platform to 0.3 rad to either side of home."""
     chain = robot("stewart")
     hinges = [f"leg{k}_{axis}" for k in range(1, 7) for axis in "xy"]
     at_home = {name: chain.q_home[chain.tangent_names.index(name)] for name in hinges}
@@ -108,7 +108,7 @@ def test_kinematics_judge_alike(hinged: stp.ClosedChain) -> None:
 def test_a_stroke_is_kept_by_forward_kinematics() -> None:
     chain = robot("stewart")
     long = stp.motor_positions(chain, chain.q_home) + 0.9
-    with pytest.raises(UnreachableError, match="'leg1' at .* allowed 0.5 to 1.8"):
+    with pytest.raises(UnreachableError, match=r"'leg1' at .* allowed 0\.5 to 1\.8"):
         stp.forward_kinematics(chain, long)
     assert stp.forward_kinematics(chain, long, limits=False).success
     assert not len(stp.forward_kinematics(chain, long, all=True).closures)
@@ -123,7 +123,7 @@ def test_every_kind_of_a_motion_is_judged() -> None:
         stp.platform_motion(chain, motion.pose(k), motion.twist[k], motion.acceleration[k])
         for k in range(TIME.size)
     ]
-    leg, hinge = chain.motor_index[0], chain.tangent_names.index("leg1_x")
+    leg, hinge = chain.motor_index[0], chain.tangent_names.index("leg1_y")
     acceleration = np.array([state.a[leg] for state in states])
     peaks = {
         "velocity": np.abs(free.rates[:, 0]).max(),
@@ -143,11 +143,11 @@ def test_every_kind_of_a_motion_is_judged() -> None:
         fit = stp.fit_to_limits(close, sway(chain, 0.05, 2.0))
         assert fit.binding is not None and fit.binding.motor == "leg1" and fit.scale < 1
         assert not fit.demand.check()
-    close = stp.with_limits(chain, {"leg1_x": {"velocity": 0.999 * swing}})
+    close = stp.with_limits(chain, {"leg1_y": {"velocity": 0.999 * swing}})
     found = stp.motor_demand(close, motion).check()
-    assert {(one.joint, one.kind, one.unit) for one in found} == {("leg1_x", "velocity", "rad/s")}
+    assert {(one.joint, one.kind, one.unit) for one in found} == {("leg1_y", "velocity", "rad/s")}
     assert {name.rsplit(" ")[0] for name in stp.fit_to_limits(close, sway(chain, 0.05, 2.0)).looked_at["rate"]} == {
-        *chain.motors, "leg1_x",
+        *chain.motors, "leg1_y",
     }  # fmt: skip
 
 
@@ -246,7 +246,7 @@ def test_with_limits_refuses_what_is_none() -> None:
     ):
         with pytest.raises(InputError, match=message):
             stp.with_limits(chain, limits)  # type: ignore[arg-type]
-    with pytest.raises(MechanismError, match="home of .*'leg1'"):
+    with pytest.raises(MechanismError, match=r"home of .*'leg1'"):
         stp.with_limits(chain, {"leg1": {"position": (1.7, 1.8)}})
     with pytest.raises(InputError, match="limits_exceeded takes a State"):
         stp.limits_exceeded(chain)  # type: ignore[arg-type]

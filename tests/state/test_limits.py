@@ -46,7 +46,7 @@ def placed(kind: JointKind, values: list[float], axis: np.ndarray, axis2: np.nda
 
 
 def floating(kind: JointKind, rng: np.random.Generator, bounds: Bounds = WIDE) -> stp.ClosedChain:
-    """A free body held by a loop of a kind, its frames in general position."""
+    """Hold a free body by a loop of a kind, its frames in general position."""
     places = [pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)) for _ in range(2)]
     axis, axis2, _ = pin.exp3(rng.normal(size=3)).T
     loop = Loop(

@@ -210,9 +210,8 @@ def read_limit(
     """
     keys = ("lower", "upper", *_BOTH_SIDES, *(f"least_{key}" for key in _BOTH_SIDES), "deceleration")
     limits = _numbers(reader, element, owner, keys)
-    if (
-        "deceleration" in limits
-    ):  # which end of an acceleration brakes changes with the direction of the motion
+    if "deceleration" in limits:
+        # Which end of an acceleration brakes changes with the direction of the motion.
         braking = limits.pop("deceleration")
         if braking != limits.get("acceleration"):
             least = min(braking, limits.get("acceleration", np.inf))
@@ -227,7 +226,8 @@ def read_limit(
     found: dict[str, float | tuple[float, float]] = dict(limits)
     for key in _BOTH_SIDES:
         if f"least_{key}" in limits:
-            found[key] = (float(limits[f"least_{key}"]), float(limits.get(key, np.inf)))
+            least, most = limits[f"least_{key}"], limits.get(key, np.inf)
+            found[key] = most if least == -most else (least, most)
             del found[f"least_{key}"]
     return found
 

@@ -156,7 +156,8 @@ def _further(bounds: Bounds) -> dict[str, float]:
     found = {key: value for key, value in found.items() if np.isfinite(value)}
     for key in ("effort", "velocity", "acceleration", "jerk"):
         least, most = getattr(bounds, key)
-        if least != -most:
+        # A zero alone is taken for not stated.
+        if least != -most or most == 0.0:
             found |= {key: most, f"least_{key}": least}
     return found
 
