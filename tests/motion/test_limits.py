@@ -10,6 +10,8 @@ import stewart_pin as stp
 from stewart_pin.errors import InputError, MechanismError, UnreachableError
 from stewart_pin.model.limits import KINDS
 from tests.closed_states import robot
+from tests.small_urdf import MOTOR, joint, link
+from tests.small_urdf import robot as small_robot
 
 TIME = np.linspace(0.0, 1.0, 101)
 SWING = 0.3
@@ -293,3 +295,82 @@ def test_a_swing_of_the_joints_of_a_hexapod() -> None:
     np.testing.assert_allclose(judged, swings, atol=1e-9)
     over = {excess.joint for excess in stp.limits_exceeded(chain.at(q))}
     assert over == {f"leg{k + 1}_ball swing" for k in np.flatnonzero(swings > 0.2)}
+
+
+def four_bar(lower: float, upper: float) -> str:
+    """Write a four-bar whose last hinge, d, gives the pin a second parent, and has limits."""
+    limit = f'<limit lower="{lower}" upper="{upper}" effort="7" velocity="3" acceleration="11"/>'
+    return small_robot(
+        *(link(name) for name in ("base", "crank", "coupler", "rocker")),
+        link("pin", ""),
+        joint("a", "base", "crank", "continuous", attributes=MOTOR),
+        joint("b", "crank", "coupler", "continuous", origin='xyz="0.4 0 0"'),
+        joint("f", "coupler", "pin", "fixed", origin='xyz="0.9 0 0"', axis=""),
+        joint("c", "base", "rocker", "continuous", origin='xyz="1 0 0"'),
+        joint("d", "rocker", "pin", origin='xyz="0.6 0 0"', content=limit),
+    )
+
+
+def test_a_joint_that_is_cut_keeps_its_limits(tmp_path) -> None:
+    def written(lower: float, upper: float) -> stp.ClosedChain:
+        path = tmp_path / "cut.urdf"
+        path.write_text(four_bar(lower, upper))
+        return stp.load(path, platform="coupler")
+
+    wide = written(-10.0, 10.0)
+    (row,) = (wide.limits.names.index("d"),)
+    assert row >= wide.nv
+    assert wide.limits.velocity[row].tolist() == [-3, 3] and wide.limits.acceleration[row].tolist() == [
+        -11,
+        11,
+    ]
+
+    def pin_angle(q: np.ndarray) -> float:
+        a, b, c = (q[wide.tangent_names.index(name)] for name in "abc")
+        return float((a + b - c + np.pi) % (2 * np.pi) - np.pi)
+
+    turned = wide.q_home[wide.motor_q_index] + 0.3
+    free = stp.forward_kinematics(wide, turned)
+    at_home, there = pin_angle(wide.q_home), pin_angle(free.q)
+    middle = (at_home + there) / 2
+    ends = (middle, 3.0) if at_home > there else (-3.0, middle)
+    chain = written(*ends)
+    np.testing.assert_allclose(chain.q_home, wide.q_home, atol=1e-12)
+    for ask, demand in (
+        (stp.forward_kinematics, turned),
+        (stp.inverse_kinematics, stp.platform_pose(wide, free.q)),
+    ):
+        with pytest.raises(UnreachableError, match="'d' at"):
+            ask(chain, demand)
+    (excess,) = stp.limits_exceeded(chain.at(free.q))
+    assert (excess.joint, excess.kind) == ("d", "position")
+    assert excess.value == pytest.approx(there, abs=1e-12)
+    # Where home itself is beyond them, the report says so.
+    away = written(at_home + 0.1, at_home + 0.2)
+    assert "home is beyond its limits" in str(away.report) and "'d'" in str(away.report)
+    stp.write_urdf(chain, tmp_path / "again.urdf")
+    again = stp.load(tmp_path / "again.urdf")
+    np.testing.assert_array_equal(again.limits.position[row], chain.limits.position[row])
+
+
+def test_a_workspace_of_a_chain_keeps_its_hinges(hinged: stp.ClosedChain) -> None:
+    level = stp.platform_pose(hinged, hinged.q_home).rotation
+    legs = stp.sample_workspace(stp.Hexapod.from_chain(hinged), level, stroke=(0.5, 1.8), spacing=0.25)
+    all_joints = stp.sample_workspace(hinged, level, spacing=0.25)
+    np.testing.assert_array_equal(all_joints.position, legs.position)
+    assert 0 < all_joints.inside.sum() < legs.inside.sum() and all_joints.volume < legs.volume
+    for k in np.flatnonzero(legs.inside)[::7]:
+        pose = pin.SE3(level, legs.position[k])
+        found = stp.inverse_kinematics(hinged, pose, throw=False)
+        assert found.success is bool(all_joints.inside[k])
+
+
+def test_a_sweep_judges_all_joints(hinged: stp.ClosedChain) -> None:
+    def motion(amplitude: float) -> stp.PlatformSamples:
+        return sway(hinged)(amplitude)
+
+    amplitudes = [0.05, 0.5, 1.0]
+    found = stp.sweep_demand(hinged, motion, {"amplitude": amplitudes}, limits=True)
+    expected = [not stp.motor_demand(hinged, motion(amplitude)).check() for amplitude in amplitudes]
+    assert found["within_limits"].astype(bool).tolist() == expected
+    assert expected[0] and not expected[-1]
