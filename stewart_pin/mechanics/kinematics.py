@@ -114,7 +114,7 @@ def inverse_kinematics(
     closure = follow_path(start, pose_path(start, pose))
     if not closure.success and throw:
         closure.or_raise(_said_of_platform(start))
-    return within_limits(closure, "the pose", throw=throw) if limits else closure
+    return within_limits(closure, "the pose is", throw=throw) if limits else closure
 
 
 @overload
@@ -183,7 +183,7 @@ def forward_kinematics(
     closure = follow_path(start, path)
     if not closure.success:
         return closure.or_raise(path.demand) if throw else closure
-    return within_limits(closure, "these motor positions", throw=throw) if limits else closure
+    return within_limits(closure, "the motor positions are", throw=throw) if limits else closure
 
 
 def platform_motion(
@@ -374,7 +374,7 @@ def within_limits(closure: Closure, demand: str, *, throw: bool) -> Closure:
     closure
         Solution, or how near it came.
     demand
-        What was asked for, in words.
+        What was asked for, with its verb.
     throw
         Whether an excess raises; otherwise it is returned with ``success=False``.
 
@@ -396,7 +396,7 @@ def within_limits(closure: Closure, demand: str, *, throw: bool) -> Closure:
     listed = "; ".join(map(str, excesses))
     if throw:
         raise UnreachableError(
-            f"{demand} cannot be had, joints exceed their limits: {listed}; ask for another, or limits=False",
+            f"{demand} out of reach, joints exceed their limits: {listed}; ask for another, or limits=False",
             violations={excess.joint: (excess.value, *excess.allowed) for excess in excesses},
             residual=closure.gap,
             iterations=closure.iterations,

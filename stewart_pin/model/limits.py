@@ -85,7 +85,7 @@ class Limits:
         Returns
         -------
         numpy.ndarray
-            (n, 2) least and greatest, nan where nothing is stated [unit of the kind].
+            (n, 2) least and greatest, nan where nothing is stated [any unit].
         """
         return getattr(self, kind)
 
@@ -102,7 +102,7 @@ class Limits:
         Returns
         -------
         numpy.ndarray
-            (k, 2) least and greatest [unit of the kind].
+            (k, 2) least and greatest [any unit].
         """
         found = self.of(kind)[rows]
         return np.where(np.isnan(found), [-np.inf, np.inf], found)

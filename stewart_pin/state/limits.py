@@ -54,15 +54,15 @@ class Excess:
     kind
         ``"position"``, ``"velocity"``, ``"acceleration"``, ``"effort"`` or ``"jerk"``.
     value
-        What is asked for; of a motion, at its worst [unit of the kind].
+        What is asked for; of a motion, at its worst [any unit].
     limit
-        The end that is passed [unit of the kind].
+        The end that is passed [any unit].
     by
-        How far it is passed, above zero [unit of the kind].
+        How far it is passed, above zero [any unit].
     unit
         Unit of the three numbers.
     least, most
-        Both ends, nan where one is not stated [unit of the kind].
+        Both ends, nan where one is not stated [any unit].
     time
         When, of a motion [s]; None: of one state.
     """
@@ -79,7 +79,7 @@ class Excess:
 
     @property
     def allowed(self) -> tuple[float, float]:
-        """Both ends to reckon with: infinite where one is not stated [unit of the kind]."""
+        """Both ends to reckon with: infinite where one is not stated [any unit]."""
         return (-np.inf if np.isnan(self.least) else self.least, np.inf if np.isnan(self.most) else self.most)
 
     def __str__(self) -> str:
@@ -103,7 +103,7 @@ class Asked:
     rows
         (k,) rows of the limits [index].
     values
-        (N, k) what is asked for, one row per state [unit of the kind].
+        (N, k) what is asked for, one row per state [any unit].
     """
 
     kind: LimitKind
@@ -294,7 +294,7 @@ class Judge:
         Returns
         -------
         numpy.ndarray
-            (k, 2) at either end [unit of the kind].
+            (k, 2) at either end [any unit].
         """
         if asked.kind == "position":
             return np.repeat(slack * self.sizes(asked.rows)[:, None], 2, axis=1)
