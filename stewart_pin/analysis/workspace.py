@@ -164,8 +164,8 @@ def sample_workspace(
     rotation = as_rotation("rotation", as_array("rotation", rotation, (3, 3)))
     chain = hexapod if isinstance(hexapod, ClosedChain) else None
     joints = chain is not None and _others_limited(chain)
-    if chain is not None:
-        hexapod = Hexapod.from_chain(chain)
+    if isinstance(hexapod, ClosedChain):
+        hexapod = Hexapod.from_chain(hexapod)
     strokes = _strokes(chain, stroke)
     if sheet not in ("upper", "lower", "both"):
         raise InputError(f"sheet must be 'upper', 'lower' or 'both', got {sheet!r}")
@@ -250,7 +250,7 @@ def _judged(chain: ClosedChain, rotation: FloatArray, samples: WorkspaceSamples)
 
 def _cut(filled: np.ndarray) -> int:
     """Cells on either side of the boundary, about as many as it cuts."""
-    return int(np.count_nonzero(filled & ~ndimage.binary_erosion(filled)))
+    return int(np.count_nonzero(filled & np.logical_not(ndimage.binary_erosion(filled))))
 
 
 def _evaluate(

@@ -59,7 +59,7 @@ class Limits:
     >>> chain = stp.load("stewart")
     >>> print(chain.limits)
     leg1_x, leg1_y and 10 more: position -1.5 to 1.5 rad
-    leg1, leg2 and 4 more: position 0.6 to 1.5 m, velocity -2 to 2 m/s, effort -10000 to 10000 N
+    leg1, leg2 and 4 more: position 0.5 to 1.8 m, velocity -2 to 2 m/s, effort -10000 to 10000 N
     """
 
     names: tuple[str, ...]

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stewart_pin.mechanics.kinematics import inverse_kinematics, platform_motion
+from stewart_pin.model.limits import LimitKind
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import Asked
@@ -96,7 +97,12 @@ def asked_of_motors(
         Of the motors that have such a limit.
     """
     found: list[Asked] = []
-    for kind, values in (("position", positions), ("velocity", rates), ("effort", efforts)):
+    asked: tuple[tuple[LimitKind, FloatArray], ...] = (
+        ("position", positions),
+        ("velocity", rates),
+        ("effort", efforts),
+    )
+    for kind, values in asked:
         has = ~np.isnan(chain.limits.of(kind)[chain.motor_index]).all(axis=1)
         if has.any():
             found.append(Asked(kind, chain.motor_index[has], values[:, has]))

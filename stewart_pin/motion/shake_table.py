@@ -255,24 +255,12 @@ class _Fit:
         free = 1.0 - self.margin
         lower, upper = limits.of(asked.kind)[asked.rows].T
         low, high = limits.bounds(asked.kind, asked.rows).T
-        if asked.kind != "position":
-            around = (low <= 0) & (high >= 0)
-            # A range around zero is used from zero on to either side; (0, f) is used up by what is below zero.
-            end = np.where(values < 0, low, high)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                share = np.abs(values) / np.abs(free * end)
-            share = np.where(
-                np.abs(values) <= AT_LIMIT * np.nanmax(np.abs([lower, upper]), axis=0), 0.0, share
-            )
-            if around.all():
-                return share, np.broadcast_to(free * end, values.shape)
+        largest = np.nanmax(np.abs([lower, upper]), axis=0)
         # A stroke with one end counts from there, by the size of the robot.
-        size = np.where(limits.is_length[asked.rows], self.chain.length_scale, 1.0)
-        if asked.kind != "position":
-            size = np.nanmax(np.abs([lower, upper]), axis=0)
-        low = np.where(np.isnan(lower), upper - size, lower)
-        high = np.where(np.isnan(upper), lower + size, upper)
-        middle, half = (low + high) / 2, free * (high - low) / 2
+        size = self.chain.judge.sizes(asked.rows) if asked.kind == "position" else largest
+        least = np.where(np.isnan(lower), upper - size, lower)
+        most = np.where(np.isnan(upper), lower + size, upper)
+        middle, half = (least + most) / 2, free * (most - least) / 2
         off = values - middle
         with np.errstate(divide="ignore", invalid="ignore"):
             above = np.where(np.isnan(upper) | (off == 0), 0.0, off / half)
@@ -281,6 +269,12 @@ class _Fit:
         allowed = middle + np.sign(off) * half
         if asked.kind == "position":
             return use, allowed
+        # A range around zero is used from zero on to either side; (0, f) is used up by what is below zero.
+        around = (low <= 0) & (high >= 0)
+        end = np.where(values < 0, low, high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.abs(values) / np.abs(free * end)
+        share = np.where(np.abs(values) <= AT_LIMIT * largest, 0.0, share)
         return np.where(around, share, use), np.where(around, free * end, allowed)
 
     def _looked_at(self) -> dict[str, tuple[str, ...]]:

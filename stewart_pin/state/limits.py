@@ -193,7 +193,12 @@ class Judge:
         """
         limits, nv = self._chain.limits, self._chain.nv
         found: list[Asked] = []
-        for kind, motion in (("position", q), ("velocity", v), ("acceleration", a)):
+        given: tuple[tuple[LimitKind, FloatArray | None], ...] = (
+            ("position", q),
+            ("velocity", v),
+            ("acceleration", a),
+        )
+        for kind, motion in given:
             rows = limits.stated(kind)
             if leave is not None:
                 rows = rows[~np.isin(rows, leave)]

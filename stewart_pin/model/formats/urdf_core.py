@@ -262,12 +262,17 @@ def read_bounds(
             continue
         numbers = read_limit(reader, limit, owner)
         numbers.pop("effort", None)  # no motor drives it
-        position = (float(numbers.pop("lower", -np.inf)), float(numbers.pop("upper", np.inf)))
+        ends = {"lower": -np.inf, "upper": np.inf}
+        lower, upper = (_one(numbers.pop(key, default)) for key, default in ends.items())
         spans = {
             key: value if isinstance(value, tuple) else (-value, value) for key, value in numbers.items()
         }
-        found[coordinate] = Bounds(position=position, **spans)
+        found[coordinate] = Bounds(position=(lower, upper), **spans)
     return tuple(found.get(coordinate, Bounds()) for coordinate in own) if found else ()
+
+
+def _one(value: float | tuple[float, float]) -> float:
+    return value[1] if isinstance(value, tuple) else value
 
 
 def _numbers(
