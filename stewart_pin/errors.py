@@ -62,6 +62,23 @@ class UnsupportedError(StewartPinError, NotImplementedError):
     """The request is meaningful, but not for this kind of mechanism."""
 
 
+class MissingRoleError(InputError):
+    """A chain has no platform, or no motors, and what was asked for needs them.
+
+    Attributes
+    ----------
+    missing
+        ``"platform"`` or ``"motors"``.
+    candidates
+        Links, or joints, that could be it; best guess first.
+    """
+
+    def __init__(self, message: str, *, missing: str, candidates: Sequence[str]) -> None:
+        super().__init__(message)
+        self.missing = missing
+        self.candidates = tuple(candidates)
+
+
 class ClosureError(StewartPinError):
     """The loops could not be closed, or the pose could not be reached.
 

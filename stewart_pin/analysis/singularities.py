@@ -122,6 +122,7 @@ def find_singularity(
     -----
     A path from a singular configuration starts on one: it is found at once, with ``at`` the start.
     """
+    chain.platform_link  # noqa: B018 - raises
     if not callable(path):
         stops = as_array("path", path, (None, chain.nq))
         path, interval = closed_path(chain, stops), (0.0, len(stops) - 1.0)

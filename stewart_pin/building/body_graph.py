@@ -63,7 +63,7 @@ class BodyGraph:
                 self.body = {link: one if body == other else body for link, body in self.body.items()}
         # A floating joint holds nothing together.
         self.edges = [edge for edge in edges if edge.kind not in (JointKind.FIXED, JointKind.FLOATING)]
-        self.ground, self.platform = self.body[chain.mechanism.root], self.body[chain.platform]
+        self.ground, self.platform = self.body[chain.mechanism.root], self.body[chain.platform_link]
         self._drop_dead_ends()
 
     def edge(self, name: str) -> Edge | None:

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from stewart_pin.building.rotors import require_no_rotors
 from stewart_pin.errors import InputError
-from stewart_pin.model.description import Mechanism
+from stewart_pin.model.description import Mechanism, Note, Report
 from stewart_pin.model.formats.dialect import dialects
 from stewart_pin.model.formats.mjcf.writing import write_mjcf_file
 from stewart_pin.state.chain import ClosedChain
 
 
-def write_urdf(chain: ClosedChain, path: str | Path) -> None:
+def write_urdf(chain: ClosedChain, path: str | Path) -> Report:
     """Write a chain as URDF, its loops in the URDF+ dialect, so that `load` reads the same chain back.
 
     Gravity goes along, in an element of our own, where it is not the usual one.
@@ -25,15 +25,20 @@ def write_urdf(chain: ClosedChain, path: str | Path) -> None:
     path
         File to create or overwrite.
 
+    Returns
+    -------
+    Report
+        What was left out or changed, as of `export`.
+
     Raises
     ------
     InputError
         If the file cannot be written.
     """
-    export(chain, path, format="urdf+")
+    return export(chain, path, format="urdf+")
 
 
-def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> None:
+def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> Report:
     """Write a chain in a format of another simulator.
 
     Parameters
@@ -53,6 +58,11 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> No
         All but the first and the last write couplings as ``<mimic>``, which has to be linear. Limits of joints that
         close loops stand in the first alone, and limits of balls in the first and, of the angle, in the last.
 
+    Returns
+    -------
+    Report
+        What the format has no word for, and what was put in its place or left out; print it.
+
     Raises
     ------
     InputError
@@ -68,14 +78,16 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> No
         raise InputError(f"format must be one of {', '.join(sorted(writers))}, got {format!r}")
     require_no_rotors(chain, "the file")
     try:
-        writers[format](chain, Path(path))
+        return Report(writers[format](chain, Path(path)))
     except OSError as error:
         raise InputError(f"path: cannot write {str(path)!r}: {error.strerror}") from None
 
 
-def _describing(write: Callable[[Mechanism, Path], None]) -> Callable[[ClosedChain, Path], None]:
+def _describing(
+    write: Callable[[Mechanism, Path], tuple[Note, ...]],
+) -> Callable[[ClosedChain, Path], tuple[Note, ...]]:
     return lambda chain, path: write(chain.described(), path)
 
 
-def _write_mjcf(chain: ClosedChain, path: Path) -> None:
-    write_mjcf_file(chain.described(), path, motors=chain.motors, gravity=chain.gravity)
+def _write_mjcf(chain: ClosedChain, path: Path) -> tuple[Note, ...]:
+    return write_mjcf_file(chain.described(), path, motors=chain.motors, gravity=chain.gravity)

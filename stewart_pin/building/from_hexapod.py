@@ -10,12 +10,16 @@ import pinocchio as pin
 from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY, Hexapod
-from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Loop, Mechanism
+from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
 from stewart_pin.state.chain import ClosedChain, as_pose
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _SWING = 1.5
 """Range of each axis of the lower joint, to either side [rad]: just short of the universal joint's gimbal lock."""
+_ROUND_OFF = 1e-9
+"""Share of the shortest leg by which a body may be longer."""
+OVERLAP = 0.6
+"""Share of a leg over which each of its bodies reaches."""
 _X, _Y, _Z = np.eye(3)
 
 
@@ -78,7 +82,8 @@ def hexapod_chain(
     Returns
     -------
     ClosedChain
-        Legs in the order of the base points; motors ``leg1`` to ``leg6``.
+        Legs in the order of the base points; motors ``leg1`` to ``leg6``. Its report names bodies that are longer than
+        the shortest leg, as those are that were made for another stroke.
 
     Raises
     ------
@@ -138,8 +143,9 @@ def hexapod_chain(
         )  # fmt: skip
         values |= _leg_values(names, leg, pose.act(head) - foot)
     mechanism = Mechanism(
-        name, tuple(links), tuple(joints), tuple(loops), platform="platform", home=values, source=""
-    )
+        name, tuple(links), tuple(joints), tuple(loops), platform="platform", home=values, source="",
+        notes=(*_too_long("lower", lower, 1.0, low, high), *_too_long("upper", upper, -1.0, low, high)),
+    )  # fmt: skip
     return build_chain(mechanism, gravity=gravity)
 
 
@@ -176,6 +182,28 @@ def _along(direction: FloatArray) -> FloatArray:
     """Axes of a ball whose z lies along a direction, turned the shortest way (3, 3)."""
     size = float(np.linalg.norm(direction))
     return pin.Quaternion.FromTwoVectors(_Z, direction / size).toRotationMatrix() if size else np.eye(3)
+
+
+def _too_long(
+    argument: str, body: pin.Inertia, outward: float, shortest: float, longest: float
+) -> tuple[Note, ...]:
+    """Note a body of a leg that, were it a uniform rod, would reach past the other end of the shortest leg.
+
+    Of telescopes, which grow to more than twice their length, each part may have 60 % of the longest leg.
+    """
+    if shortest == 0.0 or body.mass <= 0.0:
+        return ()
+    moments = np.diag(body.inertia)
+    # Mean square distance from the centre along the leg; a uniform rod reaches to √3 times its root.
+    spread = max(0.0, float(moments[0] + moments[1] - moments[2]) / (2 * body.mass))
+    reach = outward * float(body.lever[2]) + np.sqrt(3 * spread)
+    if reach <= max(shortest, OVERLAP * longest) * (1 + _ROUND_OFF):
+        return ()
+    text = (
+        f"reaches {reach:.4g} m along the leg, as if it were a uniform rod, and the shortest leg has {shortest:.4g} m; "
+        "was it made for another stroke (hexapod_inertias takes stroke=)?"
+    )
+    return (Note(f"inertia '{argument}'", text, Outcome.KEPT),)
 
 
 def _leg_values(names: list[str], motor: str, leg: FloatArray) -> dict[str, FloatArray]:

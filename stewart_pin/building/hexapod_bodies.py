@@ -58,7 +58,7 @@ def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
         axes.add(_lower_axes(chain, joint.parent))
         lower.append(_rigid_body(chain, joint.parent))
         upper.append(_rigid_body(chain, joint.child))
-    known = {*fixed_to(mechanism, mechanism.root), chain.platform}
+    known = {*fixed_to(mechanism, mechanism.root), chain.platform_link}
     known |= {
         name
         for motor in chain.motors
@@ -71,7 +71,7 @@ def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
     if len(axes) != 1 or next(iter(axes)) not in kinds:
         raise UnsupportedError("the closed form needs lower joints with the axes x, y or x, y, z")
     return HexapodBodies(
-        _rigid_body(chain, chain.platform), tuple(lower), tuple(upper), kinds[next(iter(axes))]
+        _rigid_body(chain, chain.platform_link), tuple(lower), tuple(upper), kinds[next(iter(axes))]
     )
 
 

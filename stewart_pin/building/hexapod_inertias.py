@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.building.from_hexapod import default_home, read_stroke
+from stewart_pin.building.from_hexapod import OVERLAP, default_home, read_stroke
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
@@ -72,7 +72,7 @@ def hexapod_inertias(
         raise InputError(
             f"leg_length {leg_length:g} m is beyond the stroke of {low:g} to {high:g} m; choose one within"
         )
-    length = 0.6 * as_positive("leg_length", leg_length)
+    length = OVERLAP * as_positive("leg_length", leg_length)
     centre = hexapod.platform_points.mean(axis=0)
     radius = float(np.linalg.norm(hexapod.platform_points - centre, axis=1).max())
     if radius == 0.0:

@@ -13,7 +13,7 @@ from stewart_pin.model.description import JointKind, Note, Outcome
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import clipped, random_configuration, unwound
 from stewart_pin.state.limits import Excess
-from stewart_pin.state.newton import Closure, displaced, polish
+from stewart_pin.state.newton import Closure, close_at_precision, displaced, polish
 from stewart_pin.state.state import State
 from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import BoolArray, Configuration, FloatArray
@@ -86,6 +86,60 @@ def _settle(chain: ClosedChain) -> ClosedChain:
     if fault:
         raise _no_home(chain, guess, given, fault)
     return _with_home(chain, closure.q)
+
+
+def near_home(chain: ClosedChain, precision: float, *, searching: bool) -> Configuration | None:
+    """Find a configuration at which the loops close but for digits.
+
+    Parameters
+    ----------
+    chain
+        Chain whose home is a guess.
+    precision
+        Largest gap that digits may have left, in robot sizes and radians.
+    searching
+        Whether to search for one, as `settle_home` does; otherwise only the nearest is tried.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        (nq,) configuration inside the joint limits [m, rad, unit quaternions], or None where there is none.
+    """
+    given = _named_entries(chain)
+    assembled = chain.mechanism.assembled
+    guess = home_guess(chain, inside=not assembled)
+    q = guess if assembled else _alone_inside(chain, guess, given)
+    near = close_at_precision(chain, q, precision).state
+    closed = near.largest_gap <= precision and not near.opposed()
+    if closed and (assembled or not (_moved(chain, guess, near.q, given) or _beyond_limits(chain, near.q))):
+        return near.q
+    if assembled or not searching:
+        return None
+    for group in _groups(chain):
+        found = _search(chain, q, given, group, precision)
+        if found is None:
+            return None
+        q = found
+    return q
+
+
+def keep_home(chain: ClosedChain, q: Configuration) -> ClosedChain:
+    """Set a home that was found by `near_home`; where it stands beyond limits, as a file may have it, carry it inside.
+
+    Parameters
+    ----------
+    chain
+        Chain whose home is a guess.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+
+    Returns
+    -------
+    ClosedChain
+        The same chain with a home.
+    """
+    beyond = chain.mechanism.assembled and _beyond_limits(chain, q)
+    return _settle_assembled(chain) if beyond else _with_home(chain, q)
 
 
 def _settle_assembled(chain: ClosedChain) -> ClosedChain:
@@ -226,12 +280,16 @@ def _groups(chain: ClosedChain) -> list[tuple[BoolArray, BoolArray]]:
 
 
 def _search(
-    chain: ClosedChain, start: Configuration, given: BoolArray, group: tuple[BoolArray, BoolArray]
+    chain: ClosedChain,
+    start: Configuration,
+    given: BoolArray,
+    group: tuple[BoolArray, BoolArray],
+    precision: float = 0.0,
 ) -> Configuration | None:
     """Close one group of loops inside the limits, from near the start first; the other joints stay."""
     rows, entries = group
     for guess in _guesses(chain, start, entries & ~given):
-        q = _bounded(chain, guess, given, rows, entries)
+        q = _bounded(chain, guess, given, rows, entries, precision)
         if q is not None:
             return q
     return None
@@ -255,15 +313,23 @@ def _outermost(chain: ClosedChain, q: Configuration) -> Configuration:
 
 
 def _bounded(
-    chain: ClosedChain, guess: Configuration, given: BoolArray, rows: BoolArray, entries: BoolArray
+    chain: ClosedChain,
+    guess: Configuration,
+    given: BoolArray,
+    rows: BoolArray,
+    entries: BoolArray,
+    precision: float,
 ) -> Configuration | None:
-    """Gauss-Newton steps within the limits until the rows of a group are nearly closed, then to the last bit."""
+    """Gauss-Newton steps within the limits until the rows of a group are nearly closed, then to the last bit.
+
+    With a precision, rows that close to it are left as they are.
+    """
     state = chain.at(pin.normalize(chain.model, np.array(guess)))
     free = np.flatnonzero(entries)
     residual = (state.gap / chain.row_sizes)[rows]
     damping = 1e-3
     for _ in range(_STEPS):
-        if np.abs(residual).max() < _ENOUGH:
+        if np.abs(residual).max() < max(_ENOUGH, precision / 2):
             break
         lower, upper = _room(chain, state.q, guess, given)
         jacobian = state.rows[rows][:, free]
@@ -281,7 +347,7 @@ def _bounded(
             damping *= 5
     else:
         return None
-    closed = _closed_group(chain, state, rows, free)
+    closed = np.array(state.q) if precision else _closed_group(chain, state, rows, free)
     if closed is None or _moved(chain, guess, closed, given):
         return None
     q = np.where(_in_configuration(chain, entries & ~given), unwound(chain, closed), closed)

@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from stewart_pin.building.home import settle_home
+from stewart_pin.building.printed_digits import settle_printed
 from stewart_pin.building.resources import find_robot
-from stewart_pin.checks import as_array
+from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError, MechanismError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
+from stewart_pin.model.candidates import platform_candidates
 from stewart_pin.model.description import JointKind, Mechanism
+from stewart_pin.model.formats.precision import Precision, printed_precision
 from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import keep_odd_inertias, validate
@@ -28,6 +30,7 @@ def load(
     platform: str | None = None,
     gravity: ArrayLike | None = None,
     odd_inertias: bool = False,
+    closure_tolerance: float | None = None,
 ) -> ClosedChain:
     """Read a robot with its loops, motors and platform.
 
@@ -42,16 +45,21 @@ def load(
         Gepetto YAML that declares the loops of a URDF; default: one of the URDF's name beside it, if there is any.
     motors
         Names of the motor joints, in order; default: the joints that the file marks ``independent="true"`` or lists,
-        that its transmissions name without doubt, or that an MJCF file drives by actuators.
+        that its transmissions name without doubt, or that an MJCF file drives by actuators; none where there are none.
     platform
         Name of the platform link; default: the parent link of the ``<end_effector name="platform">``, or else the
-        link (in MJCF: body or site) called ``platform``.
+        link (in MJCF: body or site) called ``platform``; None where there is none. Verbs that need a platform or motors
+        then raise `MissingRoleError`, which names the candidates.
     gravity
         (3,) acceleration of free fall in the world frame [m/s²]; None: what the file states, or else
         (0, 0, -9.81).
     odd_inertias
         Whether to keep, with a note in the report, inertias that no real body has, one principal moment being above the
         sum of the others. SDFormat's are always kept, as its simulators keep them.
+    closure_tolerance
+        Largest gap of loops, and singular value of their rows, that is taken for rounding, in robot sizes and radians:
+        joints and loops are then moved by it, so that the mechanism has the freedom that was meant, and the report
+        tells it. Default: what the digits of the file explain.
 
     Returns
     -------
@@ -65,7 +73,7 @@ def load(
     FileFormatError
         If the file is missing, broken or of an unknown dialect.
     MechanismError
-        If masses, joints, loops, motors or platform make no mechanism.
+        If masses, joints or loops make no mechanism, or motors or platform are none of it.
 
     Examples
     --------
@@ -79,7 +87,11 @@ def load(
     mechanism = read_mechanism(find_robot(name_or_path), loops=side_car)
     if odd_inertias:
         mechanism = keep_odd_inertias(mechanism)
-    return build_chain(mechanism, motors=motors, platform=platform, gravity=gravity)
+    if closure_tolerance is None:
+        forgiven = printed_precision(Path(mechanism.source), side_car)
+    else:
+        forgiven = as_positive("closure_tolerance", closure_tolerance)
+    return build_chain(mechanism, motors=motors, platform=platform, gravity=gravity, forgiven=forgiven)
 
 
 def build_chain(
@@ -88,6 +100,7 @@ def build_chain(
     motors: Sequence[str] | None = None,
     platform: str | None = None,
     gravity: ArrayLike | None = None,
+    forgiven: float | Precision = 0.0,
 ) -> ClosedChain:
     """Validate a description and build the closed chain.
 
@@ -96,12 +109,14 @@ def build_chain(
     mechanism
         Links, joints and loops.
     motors
-        Names of the motor joints, in order; default: the joints marked independent.
+        Names of the motor joints, in order; default: the joints marked independent, if any.
     platform
-        Name of the platform link; default: the one the description names.
+        Name of the platform link; default: the one the description names, if any.
     gravity
         (3,) acceleration of free fall in the world frame [m/s²]; None: what the description states, or else
         (0, 0, -9.81).
+    forgiven
+        What digits may have left open, see `settle_printed`.
 
     Returns
     -------
@@ -132,21 +147,13 @@ def build_chain(
         platform=_platform(mechanism, platform),
         q_home=np.zeros(model.nq),
     )
-    return settle_home(chain)
+    return settle_printed(chain, forgiven)
 
 
 def _motors(mechanism: Mechanism, motors: Sequence[str] | None) -> tuple[str, ...]:
     movable = [joint.name for joint in mechanism.joints if joint.has_axis]
     if motors is None:
-        named = tuple(joint.name for joint in mechanism.joints if joint.independent)
-        if not named:
-            raise MechanismError(
-                'no joint is marked as a motor (independent="true" in a URDF, an actuator in MJCF); pass motors=[...]; '
-                f"the candidates are: {', '.join(movable)}",
-                path=mechanism.source,
-                culprit="motors",
-            )
-        return named
+        return tuple(joint.name for joint in mechanism.joints if joint.independent)
     if isinstance(motors, str) or not isinstance(motors, Sequence):
         raise InputError(f"motors must be a sequence of joint names, got {motors!r}")
     for name in motors:
@@ -169,14 +176,14 @@ def _motors(mechanism: Mechanism, motors: Sequence[str] | None) -> tuple[str, ..
     return tuple(motors)
 
 
-def _platform(mechanism: Mechanism, platform: str | None) -> str:
-    links = [link.name for link in mechanism.links if link.name != mechanism.root]
+def _platform(mechanism: Mechanism, platform: str | None) -> str | None:
     chosen = mechanism.platform if platform is None else platform
-    if chosen is None or chosen not in links:
-        said = "no link is called 'platform'" if chosen is None else f"there is no moving link '{chosen}'"
+    links = [link.name for link in mechanism.links if link.name != mechanism.root]
+    if chosen is not None and chosen not in links:
         raise MechanismError(
-            f"{said}; pass platform=...; the candidates are: {', '.join(links)}",
+            f"there is no moving link '{chosen}'; pass platform=...; the candidates are: "
+            f"{', '.join(platform_candidates(mechanism))}",
             path=mechanism.source,
-            culprit=chosen or "platform",
+            culprit=str(chosen),
         )
     return chosen

@@ -43,14 +43,14 @@ def planar_rpr(chain: ClosedChain) -> PlanarRPR:
     4
     """
     graph = BodyGraph(chain)
-    platform = graph.frames[chain.platform]
+    platform = graph.frames[chain.platform_link]
     if len(chain.motors) != 3:
         raise UnsupportedError(
             f"a planar 3-RPR platform has three motors, {chain.name} has {len(chain.motors)}"
         )
     if np.linalg.norm(platform.rotation[:, 2] - [0, 0, 1]) > _ROUND_OFF:
         raise UnsupportedError(
-            f"platform '{chain.platform}' has its z axis not along z of the base, across the plane"
+            f"platform '{chain.platform_link}' has its z axis not along z of the base, across the plane"
         )
     anchors, corners = [], []
     for motor, position in zip(chain.motors, chain.q_home[chain.motor_q_index], strict=True):

@@ -87,7 +87,7 @@ class _Reader:
         if radius <= self.slack:
             raise _no_leg(motor, "its crank has no length")
         zero = pin.exp3(-position * edge.axis) @ (tip - centre)
-        there = self.graph.frames[self.chain.platform].actInv(head)
+        there = self.graph.frames[self.chain.platform_link].actInv(head)
         return centre, edge.axis, zero, there, np.array(radius), np.array(lengths[0])
 
     def _rod(self, motor: str, first: Edge, crank: str) -> tuple[FloatArray, FloatArray]:

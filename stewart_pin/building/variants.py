@@ -101,7 +101,7 @@ def attach_payload(
     """
     if not isinstance(inertia, pin.Inertia):
         raise InputError(f"inertia must be a pinocchio.Inertia, got {type(inertia).__name__}")
-    mechanism, carrier = chain.described(), chain.platform if link is None else link
+    mechanism, carrier = chain.described(), chain.platform_link if link is None else link
     require_link(mechanism, "link", carrier)
     placement = pin.SE3.Identity() if placement is None else as_pose("placement", placement)
     mechanism = with_fixed_link(mechanism, Link(name, inertia), carrier, placement)
@@ -130,7 +130,9 @@ def massless_legs(chain: ClosedChain, *, point_platform: bool = False) -> Closed
         If the platform's mass is to be gathered, but no link that is fixed to the platform has an inertia.
     """
     bodies = {link.name: link.inertia for link in chain.mechanism.links if link.inertia is not None}
-    ground, platform = (fixed_to(chain.mechanism, link) for link in (chain.mechanism.root, chain.platform))
+    ground, platform = (
+        fixed_to(chain.mechanism, link) for link in (chain.mechanism.root, chain.platform_link)
+    )
     inertias = {name: pin.Inertia.Zero() for name in bodies if name not in {*ground, *platform}}
     if point_platform:
         carriers = [name for name in platform if name in bodies]

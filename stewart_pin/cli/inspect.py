@@ -12,6 +12,7 @@ from rich.table import Table
 from stewart_pin.building.loading import load
 from stewart_pin.cli.output import console, write_json
 from stewart_pin.mechanics.mobility import Mobility, mobility
+from stewart_pin.model.candidates import motor_candidates, platform_candidates
 
 _SHOWN = 12
 """Most sets of spare motors in the table; the file has all that were found."""
@@ -33,8 +34,11 @@ def inspect(
     sizes = {"nq": chain.nq, "nv": chain.nv, "nu": chain.nu, "nc": chain.nc}
     table = Table(title=chain.name, show_header=False)
     table.add_row("sizes", ", ".join(f"{name} {value}" for name, value in sizes.items()))
-    table.add_row("motors", ", ".join(chain.motors))
-    table.add_row("platform", chain.platform)
+    table.add_row("links", ", ".join(link.name for link in chain.mechanism.links))
+    table.add_row("joints", ", ".join(f"{joint.name}: {joint.kind}" for joint in chain.mechanism.joints))
+    drives, links = motor_candidates(chain.mechanism), platform_candidates(chain.mechanism)
+    table.add_row("motors", ", ".join(chain.motors) or f"none; candidates, best guess first: {_few(drives)}")
+    table.add_row("platform", chain.platform or f"none; candidates, best guess first: {_few(links)}")
     table.add_row(
         "loops", "\n".join(f"{x.name}: {x.kind}, {x.link1} to {x.link2}" for x in chain.loops) or "none"
     )
@@ -58,7 +62,17 @@ def inspect(
     table.add_row("file", str(chain.report))
     console.print(table)
     notes = [asdict(note) for note in chain.mechanism.notes]
-    write_json(json, {"robot": chain.name, **sizes, "mobility": asdict(report), "notes": notes})
+    roles = {
+        "motors": chain.motors,
+        "platform": chain.platform,
+        "motor_candidates": drives,
+        "platform_candidates": links,
+    }
+    write_json(json, {"robot": chain.name, **sizes, **roles, "mobility": asdict(report), "notes": notes})
+
+
+def _few(names: tuple[str, ...]) -> str:
+    return ", ".join(names[:_SHOWN]) + (", ..." if len(names) > _SHOWN else "") or "none"
 
 
 def _seen(report: Mobility) -> str:

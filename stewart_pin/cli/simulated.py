@@ -100,6 +100,7 @@ def tracking_errors(run: Simulation, want: PlatformSamples) -> dict[str, float]:
     dict
         RMS over time of the errors' norms [m, m/s, m/s²].
     """
+    assert run.platform is not None  # the command was one for a platform
     parts = {
         "position": run.platform.position - want.position,
         "velocity": run.platform.twist[:, :3] - want.twist[:, :3],
@@ -125,6 +126,7 @@ def plot_tracking(run: Simulation, want: PlatformSamples | None) -> Any:
     """
     figure = new_figure(9.0, 8.0)
     axes = figure.subplots(4, 1, sharex=True)
+    assert run.platform is not None
     did = (
         1e3 * (run.platform.position - run.platform.position[0]),
         run.platform.twist,

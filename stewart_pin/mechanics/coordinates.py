@@ -73,6 +73,7 @@ def choose_coordinates(state: State, coordinates: str | Sequence[str] | ArrayLik
     chain = state.chain
     if isinstance(coordinates, str):
         if coordinates == "motor":
+            chain.require_motors()
             return Coordinates(
                 "motor", chain.motors, chain.motor_rows, chain.tangent_scale[chain.motor_index]
             )

@@ -80,6 +80,8 @@ def forward_dynamics(
     """
     state = as_state(chain, q, v).require_moving()
     chain = state.chain
+    if tau_motor is None and not chain.nu:
+        tau_motor = np.zeros(0)
     if tau_motor is None:
         raise InputError("tau_motor is missing; pass the motor efforts, in the order of chain.motors")
     tau = np.zeros(chain.nv)

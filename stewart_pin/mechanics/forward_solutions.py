@@ -75,9 +75,13 @@ def all_forward_kinematics(
 
     Raises
     ------
+    MissingRoleError
+        If the chain has no motors, or no platform.
     InputError
         If there is no start.
     """
+    chain.require_motors()
+    chain.platform_link  # noqa: B018 - raises
     target = as_array("q_motor", q_motor, (chain.nu,))
     if starts < 1:
         raise InputError(f"starts must be 1 or more, got {starts}")

@@ -169,12 +169,15 @@ def forward_kinematics(
 
     Raises
     ------
+    MissingRoleError
+        If the chain has no motors.
     ClosureError
         If the loops do not close on these motor positions, or the path to them ends at a singularity; carries the
         residual reached.
     UnreachableError
         If a joint limit is exceeded; names the joints and their values.
     """
+    chain.require_motors()
     target = as_array("q_motor", q_motor, (chain.nu,))
     if all:
         return all_forward_kinematics(chain, target, limits=limits)
@@ -259,7 +262,10 @@ def motor_jacobian(chain: ClosedChain | State, q: ArrayLike | None = None) -> Fl
     InputError
         If the loops are open.
     """
-    return _Follower(as_state(chain, q).require_regular()).rates()
+    state = as_state(chain, q).require_regular()
+    state.chain.platform_link  # noqa: B018 - raises
+    state.chain.require_motors()
+    return _Follower(state).rates()
 
 
 def platform_acceleration(state: State, acceleration: FloatArray) -> Tangent:

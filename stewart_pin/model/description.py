@@ -15,6 +15,7 @@ from math import inf
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.model.shapes import Shape
 from stewart_pin.typing import FloatArray
 
 
@@ -119,10 +120,14 @@ class Link:
         Unique name.
     inertia
         Mass [kg], centre of mass [m] and inertia about it [kg m²] in the link frame; None: the link is no body.
+    visuals, collisions
+        Shapes for viewers and for collision checkers; no equation of motion depends on them.
     """
 
     name: str
     inertia: pin.Inertia | None = None
+    visuals: tuple[Shape, ...] = ()
+    collisions: tuple[Shape, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,6 +334,8 @@ class Mechanism:
     odd_inertias
         Links whose inertia no real body has, one principal moment being above the sum of the others, and which are kept
         as the file has them; elsewhere such an inertia is an error.
+    motor_hints
+        Joints that the file names as driven, but not so that they could be taken for the motors.
     assembled
         Whether the file places the links themselves, so that its home closes every loop, whatever the limits say.
     """
@@ -346,6 +353,7 @@ class Mechanism:
     gravity: tuple[float, float, float] | None = None
     odd_inertias: frozenset[str] = frozenset()
     assembled: bool = False
+    motor_hints: tuple[str, ...] = ()
 
     @property
     def root(self) -> str:

@@ -28,6 +28,9 @@ _POINTS = (
 _LINES = (JointKind.REVOLUTE, JointKind.CYLINDRICAL)
 _OFFSET_OF_ROUND_OFF = 1e-6
 """Share of the other lengths in a file below which a distance between joints is an accident of printed digits."""
+_LONG_STROKE = 500.0
+"""Stroke, in sizes of the bodies, beyond which it is a number for "none": a gantry of 20 m on carriages of 0.1 m has
+200, and programs write 1000 m and more."""
 _PARALLEL = 0.05
 """Sine between axes below which no point of either is nearest to the other in a sense that printed digits keep."""
 _MEET = 1e-6
@@ -56,15 +59,16 @@ def length_scale(mechanism: Mechanism, platform: str | None = None) -> float:
     -------
     float
         The largest distance of a joint's place from the middle of the places on one body, or half the largest offset
-        along an axis; where all joints meet in a point or slide, half the longest stated stroke, else the same for the
-        frames of the file, else for centres of mass; 1 where there is no length at all [m].
+        along an axis; where all joints meet in a point or slide, half the longest stated stroke that bodies of their
+        size may have, else the same for the frames of the file, else for centres of mass; 1 where there is no length at
+        all [m].
     """
     bodies = _bodies(mechanism)
     drawn = _largest_drawn(mechanism, bodies)
     places = _places(mechanism, bodies, platform, drawn)
     told = [
         max(_largest_radius(places), _largest_offset(mechanism, bodies, places)),
-        _longest_stroke(mechanism),
+        _longest_stroke(mechanism, drawn),
         drawn,
         _farthest_mass(mechanism),
     ]
@@ -238,9 +242,20 @@ def _middle(points: FloatArray, axes: FloatArray) -> tuple[FloatArray, float]:
     return start + step, float(np.sqrt((reach * reach).sum(axis=1).max()))
 
 
-def _longest_stroke(mechanism: Mechanism) -> float:
-    slides = [j.upper - j.lower for j in mechanism.joints if j.kind is JointKind.PRISMATIC]
-    return max((s / 2 for s in slides if np.isfinite(s) and s < 1e6), default=0.0)
+def _longest_stroke(mechanism: Mechanism, drawn: float) -> float:
+    """Half the longest stroke; one that no body is nearly large enough for stands for none, whatever the unit."""
+    strokes = [j.upper - j.lower for j in mechanism.joints if j.kind is JointKind.PRISMATIC]
+    bodies = max(_farthest_mass(mechanism), _widest_body(mechanism))
+    # Points without extent say nothing of what is long.
+    most = _LONG_STROKE * max(bodies, drawn) if bodies > 0 else np.inf
+    return max((s / 2 for s in strokes if np.isfinite(s) and s <= most), default=0.0)
+
+
+def _widest_body(mechanism: Mechanism) -> float:
+    """Largest radius of gyration."""
+    inertias = [link.inertia for link in mechanism.links if link.inertia is not None]
+    radii = [np.abs(np.diag(body.inertia)).max() / body.mass for body in inertias if body.mass > 0]
+    return float(np.sqrt(max(radii, default=0.0)))
 
 
 def _farthest_mass(mechanism: Mechanism) -> float:

@@ -26,9 +26,10 @@ _ROUND_OFF = 1e-9
 """Slack of the triangle inequality, relative to the trace (thin rods printed with few digits touch it), of unit
 vectors and of rotations."""
 
-_NO_MOMENT = 1e-30
-"""Moments that are zero but for round-off [kg m²]: a programme that turns a zero inertia leaves some 1e-35, and a body
-of 1e-18 kg that is one micrometre large has 1e-30."""
+_TURNED = 4 * np.finfo(float).eps
+"""Moment that turning and shifting leave of none, in masses times squares of the lengths of the mechanism: a programme
+that moves a point of 0.5 kg by 0.1 m and back leaves some 1e-18 kg m². Of a body of 1e-18 kg that is one micrometre
+large, with 1e-30 kg m², no more than 1e-45."""
 
 
 def validate(mechanism: Mechanism) -> None:
@@ -51,6 +52,7 @@ class _Validator:
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
         self.links = {link.name for link in mechanism.links}
+        self.round_off = _round_off(mechanism)
 
     def run(self) -> None:
         m = self.mechanism
@@ -95,9 +97,9 @@ class _Validator:
             raise self._error(
                 link.name, f"link '{link.name}' has the negative mass {mass:g} kg; masses are >= 0"
             )
-        problem = negative_moment(inertia)
+        problem = negative_moment(inertia, mass * self.round_off)
         if problem is None and link.name not in self.mechanism.odd_inertias:
-            problem = broken_triangle(inertia)
+            problem = broken_triangle(inertia, mass * self.round_off)
             if problem:
                 problem += "; correct its digits, or let load keep it by odd_inertias=True"
         if problem:
@@ -277,13 +279,29 @@ class _Validator:
                 )
 
 
-def negative_moment(inertia: np.ndarray) -> str | None:
+def _round_off(mechanism: Mechanism) -> float:
+    """Moment per mass that is zero but for round-off [m²], from distances on the bodies that move."""
+    root = {link.name for link in mechanism.links} - {joint.child for joint in mechanism.joints}
+    levers = [link.inertia.lever for link in mechanism.links if link.inertia is not None]
+    placed = [joint.placement.translation for joint in mechanism.joints if joint.parent not in root]
+    # Where the robot stands does not count, unless nothing else has a length.
+    on_ground = [joint.placement.translation for joint in mechanism.joints if joint.parent in root]
+    for places in ([*levers, *placed], on_ground):
+        largest = max((float(np.linalg.norm(place)) for place in places), default=0.0)
+        if 0 < largest < np.inf:
+            return _TURNED * largest**2
+    return _TURNED
+
+
+def negative_moment(inertia: np.ndarray, round_off: float = 0.0) -> str | None:
     """Say that a rotational inertia has a negative moment: motion would give energy for nothing.
 
     Parameters
     ----------
     inertia
         (3, 3) about the centre of mass [kg m²].
+    round_off
+        Moment that is zero but for round-off [kg m²].
 
     Returns
     -------
@@ -291,18 +309,20 @@ def negative_moment(inertia: np.ndarray) -> str | None:
         The reason, or None.
     """
     moments = np.linalg.eigvalsh(inertia)
-    if moments[0] < -max(_ROUND_OFF * np.abs(moments).sum(), _NO_MOMENT):
+    if moments[0] < -max(_ROUND_OFF * np.abs(moments).sum(), round_off):
         return f"the inertia has the negative principal moment {moments[0]:g} kg m²"
     return None
 
 
-def broken_triangle(inertia: np.ndarray) -> str | None:
+def broken_triangle(inertia: np.ndarray, round_off: float = 0.0) -> str | None:
     """Say that no real body has a rotational inertia, although equations of motion can be solved with it.
 
     Parameters
     ----------
     inertia
         (3, 3) about the centre of mass [kg m²].
+    round_off
+        Moment that is zero but for round-off [kg m²].
 
     Returns
     -------
@@ -310,7 +330,7 @@ def broken_triangle(inertia: np.ndarray) -> str | None:
         The reason, or None for the inertia of a real body.
     """
     moments = np.linalg.eigvalsh(inertia)
-    if moments[2] > moments[0] + moments[1] + max(_ROUND_OFF * np.abs(moments).sum(), _NO_MOMENT):
+    if moments[2] > moments[0] + moments[1] + max(_ROUND_OFF * np.abs(moments).sum(), round_off):
         return (
             f"the principal moments {moments[0]:g}, {moments[1]:g}, {moments[2]:g} kg m² break the triangle "
             "inequality: no body has one moment larger than the sum of the other two"
@@ -332,8 +352,10 @@ def keep_odd_inertias(mechanism: Mechanism) -> Mechanism:
         The same, with a note for each such link.
     """
     odd: dict[str, Note] = {}
+    round_off = _round_off(mechanism)
     for link in mechanism.links:
-        problem = None if link.inertia is None else broken_triangle(link.inertia.inertia)
+        body = link.inertia
+        problem = None if body is None else broken_triangle(body.inertia, body.mass * round_off)
         if problem:
             odd[link.name] = Note(f"link '{link.name}'", f"{problem}; check its digits", Outcome.KEPT)
     notes = (*mechanism.notes, *odd.values())

@@ -246,7 +246,7 @@ class ComputedTorque:
 
     def _by_point_mass(self, pose: pin.SE3, linear: FloatArray, angular: FloatArray) -> FloatArray:
         efforts = _point_mass(self.chain, self._hexapod, pose, linear)
-        body = self.chain.mechanism.link(self.chain.platform).inertia
+        body = self.chain.mechanism.link(self.chain.platform_link).inertia
         if body is None:
             return efforts
         moment = pose.rotation @ body.inertia @ pose.rotation.T @ angular
@@ -344,7 +344,7 @@ class _MotorReference:
 
 
 def _point_mass(chain: ClosedChain, hexapod: Any, pose: pin.SE3, acceleration: FloatArray) -> FloatArray:
-    body = chain.mechanism.link(chain.platform).inertia
+    body = chain.mechanism.link(chain.platform_link).inertia
     return chain.leg_readings[0] * point_mass_forces(
         hexapod,
         pose.translation,

@@ -10,8 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.checks import as_array
-from stewart_pin.errors import InputError
+from stewart_pin.errors import InputError, MissingRoleError
 from stewart_pin.geometry.rotations import as_rotation
+from stewart_pin.model.candidates import motor_candidates, platform_candidates
 from stewart_pin.model.description import Coupling, Loop, Mechanism, Note, Report
 from stewart_pin.model.leg_points import leg_points, leg_readings
 from stewart_pin.model.limits import Limits, build_limits
@@ -62,7 +63,7 @@ class ClosedChain:
     motors
         Names of the motor joints, in the order of motor coordinates and efforts.
     platform
-        Name of the platform frame.
+        Name of the platform frame, or None; see `platform_link`.
     q_home
         (nq,) home configuration, with the loops closed [m, rad, unit quaternions].
     """
@@ -70,7 +71,7 @@ class ClosedChain:
     mechanism: Mechanism
     model: pin.Model = field(repr=False)
     motors: tuple[str, ...]
-    platform: str
+    platform: str | None
     q_home: Configuration = field(repr=False)
 
     def __post_init__(self) -> None:
@@ -154,10 +155,46 @@ class ClosedChain:
         joints = [self.model.joints[self.model.getJointId(name)] for name in self.motors]
         return np.array([joint.idx_q for joint in joints], dtype=int)
 
+    @property
+    def platform_link(self) -> str:
+        """Name of the platform frame; an error that names the candidates where there is none."""
+        if self.platform is None:
+            raise self._missing("platform", platform_candidates(self.mechanism))
+        return self.platform
+
+    def require_motors(self) -> None:
+        """Refuse a chain without motors.
+
+        Raises
+        ------
+        MissingRoleError
+            Naming the joints that could be motors.
+        """
+        if not self.motors:
+            raise self._missing("motors", motor_candidates(self.mechanism))
+
+    def _missing(self, role: str, candidates: tuple[str, ...]) -> MissingRoleError:
+        """Say what is missing, with the candidates for the platform and for the motors where both are."""
+        said = []
+        if self.platform is None:
+            links = ", ".join(platform_candidates(self.mechanism)) or "none: no link moves"
+            said.append(f"platform=... or with_platform (candidates, best guess first: {links})")
+        if not self.motors:
+            joints = ", ".join(motor_candidates(self.mechanism)) or "none: no joint has one freedom"
+            said.append(f"motors=[...] or with_motors (candidates, best guess first: {joints})")
+        what = "no platform" if role == "platform" else "no motors"
+        both = self.platform is None and not self.motors
+        return MissingRoleError(
+            f"'{self.name}' has {'neither platform nor motors' if both else what}, and the {role} "
+            f"{'is' if role == 'platform' else 'are'} needed here; tell load {', and '.join(said)}",
+            missing=role,
+            candidates=candidates,
+        )
+
     @cached_property
     def platform_id(self) -> int:
         """Pinocchio frame id of the platform."""
-        return link_frame(self.model, self.platform)
+        return link_frame(self.model, self.platform_link)
 
     @cached_property
     def tangent_names(self) -> tuple[str, ...]:
@@ -391,12 +428,12 @@ class ClosedChain:
         platform_points : numpy.ndarray
             (nu, 3) in the platform frame [m].
         """
-        return leg_points(self.mechanism, self.motors, self.platform)
+        return leg_points(self.mechanism, self.motors, self.platform_link)
 
     @cached_property
     def leg_readings(self) -> tuple[FloatArray, FloatArray]:
         """What motors of legs read, length = offset + sign × reading: (nu,) signs and (nu,) offsets [m]."""
-        return leg_readings(self.mechanism, self.motors, self.platform, self.q_home[self.motor_q_index])
+        return leg_readings(self.mechanism, self.motors, self.platform_link, self.q_home[self.motor_q_index])
 
 
 def as_configuration(chain: ClosedChain, name: str, q: ArrayLike) -> Configuration:

@@ -227,7 +227,9 @@ class Freedom:
             count=FreedomCount(
                 dof=free.shape[1],
                 motor=driven,
-                platform=int(np.count_nonzero(moved >= SINGULAR * usual.usual_platform)),
+                platform=free.shape[1]
+                if chain.platform is None
+                else int(np.count_nonzero(moved >= SINGULAR * usual.usual_platform)),
                 either=active.shape[1],
             ),
             active=active,
@@ -281,7 +283,7 @@ def count_at(state: State, axes: Sequence[str] = TWIST_AXES, tolerance: float = 
     return FreedomCount(
         dof=free.shape[1],
         motor=rank(motors),
-        platform=rank(platform),
+        platform=rank(platform) if state.chain.platform is not None else free.shape[1],
         either=rank(np.vstack([motors, platform])) if len(platform) else free.shape[1],
         axes=tuple(axes),
     )
@@ -299,12 +301,15 @@ def require_held(state: State) -> None:
     ------
     ActuationError
         With the freedom that is left over.
+    MissingRoleError
+        If there are no motors at all.
     """
     from stewart_pin.state.state import named_motion  # noqa: PLC0415 - a state has a freedom, whose errors name motions
 
     freedom, chain = state.freedom, state.chain
     if freedom.held:
         return
+    chain.require_motors()
     direction = freedom.weakest / np.abs(freedom.weakest).max()
     raise ActuationError(
         f"the motors cannot hold the robot here: {freedom.lost.shape[1]} freedom(s) left over with all motors "

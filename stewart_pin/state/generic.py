@@ -176,7 +176,7 @@ def _shares(state: State, rank: int) -> _Shares:
     chain = state.chain
     motions = split_motions(state.rows, rank)
     if chain.platform is None:
-        twist = motions.basis[:0]
+        twist = np.eye(motions.basis.shape[1])  # then every motion is one of the mechanism, and none is idle
     else:
         twist = (state.P / chain.twist_sizes[:, None]) @ (chain.tangent_scale[:, None] * motions.basis)
     return _Shares(motions, motions.basis[chain.motor_index], twist)
@@ -189,7 +189,7 @@ def _count(chain: ClosedChain, shares: Sequence[_Shares], axes: Sequence[str]) -
     def rank(matrices: list[FloatArray]) -> int:
         return max(_rank_by_gap(_singular_values(matrix)) for matrix in matrices)
 
-    if chain.platform is None:  # then every motion is one of the mechanism, and none is idle
+    if chain.platform is None:
         return FreedomCount(dof, rank([s.motors for s in shares]), dof, dof, tuple(axes))
     return FreedomCount(
         dof=dof,

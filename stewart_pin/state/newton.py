@@ -29,6 +29,9 @@ _NEARER = 20
 _NEAR_ENOUGH = 1e-3
 """Step along the closed configurations, relative to the distance from the guess, at which that is the least."""
 
+_WIDE = 5.0
+"""Ratio of neighbouring singular values from which on the smaller may come of printed digits."""
+
 
 @dataclass(frozen=True, eq=False)
 class System:
@@ -327,6 +330,91 @@ def displaced(state: State, step: Tangent) -> State:
     """
     chain = state.chain
     return State(chain, pin.integrate(chain.model, state.q, step * chain.tangent_scale))
+
+
+@dataclass(frozen=True, eq=False)
+class NearClosure:
+    """A configuration whose loops are as nearly closed as a rank allows.
+
+    Attributes
+    ----------
+    state
+        The state reached, at rest.
+    rank
+        Number of directions in which the loops were closed.
+    """
+
+    state: State
+    rank: int
+
+
+def close_at_precision(
+    chain: ClosedChain, q_guess: Configuration, precision: float, *, rank: int | None = None
+) -> NearClosure:
+    """Close loops that need not close exactly, without following what may be digits.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q_guess
+        (nq,) configuration to start from [m, rad, unit quaternions].
+    precision
+        Largest singular value that may come of printed digits, dimensionless.
+    rank
+        Number of directions to close; default: found by `rank_at_precision` once the gap is as small.
+
+    Returns
+    -------
+    NearClosure
+        The least gap found.
+    """
+    state = chain.at(pin.normalize(chain.model, np.array(q_guess, dtype=float)))
+    residual = state.relative_gap
+    own = rank
+    for _ in range(MAX_ITERATIONS):
+        size = float(np.linalg.norm(residual))
+        values = np.linalg.svd(state.rows, compute_uv=False)
+        if rank is None:
+            own = rank_at_precision(values, precision) if size <= precision else None
+        # What may be digits is followed nowhere: it would lead far along the motion.
+        kept = int(np.count_nonzero(values > precision)) if own is None else own
+        step = _least_norm_step(residual, state.rows, size if own is None else 0.0, kept)
+        trial = displaced(state, step)
+        better = float(np.linalg.norm(trial.relative_gap)) < size
+        if not better and (own is not None or size <= precision):
+            break
+        if not better:
+            step = _least_norm_step(residual, state.rows, 10 * size, kept)
+            trial = displaced(state, step)
+            if not float(np.linalg.norm(trial.relative_gap)) < size:
+                break
+        state, residual = trial, trial.relative_gap
+    if own is None:
+        own = rank_at_precision(np.linalg.svd(state.rows, compute_uv=False), precision)
+    return NearClosure(state, own)
+
+
+def rank_at_precision(values: FloatArray, precision: float) -> int:
+    """Count singular values that belong to a mechanism whose numbers were rounded.
+
+    Parameters
+    ----------
+    values
+        (n,) singular values of loop rows, the largest first, dimensionless.
+    precision
+        Largest one that may come of the rounding, dimensionless.
+
+    Returns
+    -------
+    int
+        How many stand above the widest gap whose lower edge rounding explains; all where there is none.
+    """
+    edges = np.concatenate([[1.0], np.maximum(values, precision / 10)])
+    ratios = edges[:-1] / edges[1:]
+    ratios[values > precision] = 0.0
+    widest = int(np.argmax(ratios)) if ratios.size else 0
+    return widest if ratios.size and ratios[widest] >= _WIDE else values.size
 
 
 def _nearest(

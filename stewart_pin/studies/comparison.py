@@ -183,7 +183,7 @@ def _closed_form(chain: ClosedChain, samples: PlatformSamples) -> FloatArray:
 
 
 def _point_mass(chain: ClosedChain, samples: PlatformSamples) -> FloatArray:
-    body = chain.mechanism.link(chain.platform).inertia
+    body = chain.mechanism.link(chain.platform_link).inertia
     return chain.leg_readings[0] * point_mass_forces(
         Hexapod.from_chain(chain),
         samples.position,
@@ -196,7 +196,7 @@ def _point_mass(chain: ClosedChain, samples: PlatformSamples) -> FloatArray:
 
 def _point_legs(chain: ClosedChain) -> ClosedChain:
     """Shrink every body but ground and platform to a point at its centre of mass."""
-    kept = {chain.mechanism.root, chain.platform}
+    kept = {chain.mechanism.root, chain.platform_link}
     inertias = {
         link.name: pin.Inertia(link.inertia.mass, link.inertia.lever, np.zeros((3, 3)))
         for link in chain.mechanism.links

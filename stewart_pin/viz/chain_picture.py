@@ -44,7 +44,8 @@ def plot_chain(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
     everything = _draw_bodies(axis, chain, frames)
     _draw_joints(axis, chain, frames)
     _draw_loops(axis, chain, frames)
-    _draw_platform(axis, chain, frames[chain.platform])
+    if chain.platform is not None:
+        _draw_platform(axis, chain, frames[chain.platform])
     low, high = everything.min(axis=0), everything.max(axis=0)
     extent = np.maximum(high - low, 0.15 * (high - low).max())
     for name, middle, size in zip("xyz", (low + high) / 2, extent, strict=True):
@@ -64,7 +65,7 @@ def plot_chain(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
 
 def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> FloatArray:
     """Draw the outline of every link's points, in the world [m]; return all points."""
-    everything = [np.array(frames[chain.platform].translation)[None]]
+    everything = [np.array(frames[chain.platform or chain.mechanism.root].translation)[None]]
     for link, local in body_points(chain).items():
         distinct = local @ frames[link].rotation.T + frames[link].translation
         everything.append(distinct)

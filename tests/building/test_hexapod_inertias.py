@@ -67,3 +67,22 @@ def test_bodies_are_made_for_a_leg_inside_the_stroke() -> None:
         assert 0.3 * stroke[0] <= np.linalg.norm(made["lower"].lever) <= 0.3 * stroke[1]
     with pytest.raises(InputError, match="beyond the stroke"):
         stp.hexapod_inertias(hexapod, **masses, leg_length=2.0, stroke=(0.5, 0.8))
+
+
+def test_bodies_made_for_another_stroke_are_named() -> None:
+    """Without a stroke the cylinders are made for legs of 1.83 m: 1.1 m long, where a leg of 1.05 m has no room."""
+    angles = np.radians([[-10, 10, 110, 130, 230, 250], [-50, 50, 70, 170, 190, 290]])
+    base, platform = (
+        radius * np.column_stack([np.cos(a), np.sin(a), 0 * a])
+        for radius, a in zip((0.95, 0.70), angles, strict=True)
+    )
+    hexapod = stp.Hexapod(base, platform)
+    blind = stp.hexapod_inertias(hexapod, platform=120.0, lower=18.0, upper=9.0)
+    report = stp.hexapod_chain(hexapod, **blind, stroke=(1.05, 1.6)).report
+    assert [note.subject for note in report.notes] == ["inertia 'lower'", "inertia 'upper'"]
+    assert "reaches 1.097 m along the leg" in str(report) and "the shortest leg has 1.05 m" in str(report)
+    strokes: tuple[tuple[float, float], ...] = ((1.05, 1.6), (0.6, 2.2), (1.2, 2.0))
+    for stroke in strokes:
+        told = stp.hexapod_inertias(hexapod, platform=120.0, lower=18.0, upper=9.0, stroke=stroke)
+        assert stp.hexapod_chain(hexapod, **told, stroke=stroke).report.notes == ()
+    assert stp.hexapod_chain(hexapod, **blind).report.notes == ()

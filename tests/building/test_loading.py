@@ -10,7 +10,13 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.building import resources
-from stewart_pin.errors import FileMissingError, InputError, MechanismError, UnsupportedError
+from stewart_pin.errors import (
+    FileMissingError,
+    InputError,
+    MechanismError,
+    MissingRoleError,
+    UnsupportedError,
+)
 from tests.small_urdf import ARM, bundled, robot, write
 
 
@@ -73,17 +79,15 @@ def test_the_platform_may_be_chosen(tmp_path: Path) -> None:
 @pytest.mark.parametrize("platform", ["wing", "base", "elbow", ""])
 def test_a_wrong_platform_lists_the_candidates(tmp_path: Path, platform: str) -> None:
     with pytest.raises(
-        MechanismError, match=f"no moving link '{platform}'.*the candidates are: arm, platform"
+        MechanismError, match=f"no moving link '{platform}'.*the candidates are: platform, arm"
     ):
         stp.load(write(tmp_path, robot(*ARM)), platform=platform)
 
 
 def test_a_platform_that_nothing_names_lists_the_candidates(tmp_path: Path) -> None:
     text = robot(*ARM).replace('"platform"', '"hand"')
-    with pytest.raises(
-        MechanismError, match=r"no link is called 'platform'; .*the candidates are: arm, hand"
-    ):
-        stp.load(write(tmp_path, text))
+    with pytest.raises(MissingRoleError, match=r"has no platform.*platform=.*best guess first: hand, arm"):
+        stp.platform_pose(stp.load(write(tmp_path, text)), np.zeros(2))
     assert stp.load(write(tmp_path, text), platform="hand").platform == "hand"
 
 

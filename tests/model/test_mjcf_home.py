@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.errors import MechanismError
+from stewart_pin.errors import MissingRoleError
 from stewart_pin.model.formats.mjcf.reading import read_mjcf
 from tests.model.small_mjcf import (
     BALL,
@@ -79,8 +79,9 @@ def test_a_platform_may_close_a_loop(tmp_path: Path) -> None:
 
 def test_a_missing_platform_lists_sites_too(tmp_path: Path) -> None:
     path = write(tmp_path, mjcf(BOTH, DRIVEN))
-    with pytest.raises(MechanismError, match=r"candidates are: .*hand.*palm"):
-        stp.load(path)
+    with pytest.raises(MissingRoleError, match=r"candidates, best guess first: hand, palm") as caught:
+        stp.load(path).platform_link  # noqa: B018 - raises
+    assert caught.value.candidates == ("hand", "palm", "arm")
     assert stp.load(path, platform="palm").platform == "palm"
 
 

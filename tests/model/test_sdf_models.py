@@ -126,7 +126,9 @@ def included(folder: Path) -> str:
     return "<include><uri>{}</uri><name>{}</name><pose relative_to='a'>0 0 0.5 0 0 0</pose></include>"
 
 
-@pytest.mark.parametrize("uri", ["hand", "hand/new.sdf", "file://hand/new.sdf"])
+@pytest.mark.parametrize(
+    "uri", ["hand", "hand/new.sdf", "file://hand/new.sdf", "model://hand", "model://hand/new.sdf"]
+)
 def test_files_beside_are_included(tmp_path: Path, uri: str) -> None:
     text = included(tmp_path)
     twice = text.format(uri, "left") + text.format(uri, "right")
@@ -145,6 +147,88 @@ def test_an_include_may_be_the_robot_of_a_world(tmp_path: Path) -> None:
     include = "<include><uri>arm.sdf</uri><pose>7 0 0 0 0 0</pose></include>"
     mechanism = read_sdf(write(tmp_path, world(include)))
     np.testing.assert_array_equal(position(mechanism, "a"), [7, 0, 1])
+
+
+GROUND = model("ground_plane", "<static>true</static>", link("plate"))
+SUN = "<include><uri>model://sun</uri></include>"
+
+
+def shelf(folder: Path, *, robot: str = "") -> None:
+    """Lay down a table that is static, and a robot."""
+    for name, text in (
+        ("arm", robot or sdf(*ARM)),
+        ("table", sdf("<static>1</static>", link("plate"))),
+        ("box", sdf(link("crate"))),
+    ):
+        (folder / name).mkdir()
+        write(
+            folder / name,
+            f'<model><name>{name}</name><sdf version="1.6">model.sdf</sdf></model>',
+            "model.config",
+        )
+        write(folder / name, text, "model.sdf")
+
+
+WORLDS = {
+    "a ground": ("<include><name>bob</name><uri>arm</uri></include>", GROUND),
+    "by name, with a sun": (SUN, GROUND, "<include><uri>model://arm</uri></include>"),
+    "a file": ("<include><uri>arm/model.sdf</uri></include>", GROUND, SUN),
+    "a table": ("<include><uri>model://table</uri></include>", "<include><uri>model://arm</uri></include>"),
+    "a box that moves": ("<include><uri>box</uri></include>", "<include><uri>model://arm</uri></include>"),
+    "a box held": (
+        "<include><uri>box</uri><static>true</static></include>",
+        "<include><uri>model://arm</uri></include>",
+    ),
+    "a wrapper": (GROUND, model("cell", "<include><uri>model://arm</uri></include>")),
+}
+
+
+@pytest.mark.parametrize("parts", WORLDS.values(), ids=WORLDS)
+def test_the_included_robot_of_a_world_is_found(parts: tuple[str, ...], tmp_path: Path) -> None:
+    shelf(tmp_path)
+    mechanism = read_sdf(write(tmp_path, world(*parts)))
+    assert [x.kind for x in mechanism.joints if x.kind is not JointKind.FIXED] == [JointKind.REVOLUTE]
+    assert len(mechanism.links) == 2
+    others = [note.text for note in mechanism.notes if "another model" in note.text]
+    assert len(others) == len(parts) - 1, "not all that is left out is noted"
+
+
+def test_included_models_include_others_by_name(tmp_path: Path) -> None:
+    shelf(tmp_path, robot=sdf(*ARM, "<include><uri>model://box</uri></include>"))
+    mechanism = read_sdf(write(tmp_path, world(GROUND, "<include><uri>model://arm</uri></include>")))
+    assert "small::crate" in {x.name for x in mechanism.links}
+
+
+def test_one_body_that_moves_is_the_robot_beside_static_ones(tmp_path: Path) -> None:
+    shelf(tmp_path)
+    mechanism = read_sdf(write(tmp_path, world(GROUND, "<include><uri>box</uri></include>")))
+    assert {x.name for x in mechanism.links} == {"world", "crate"}
+
+
+def test_robots_that_are_included_are_listed(tmp_path: Path) -> None:
+    shelf(tmp_path)
+    twice = ("<include><uri>arm</uri></include>", "<include><name>bob</name><uri>arm</uri></include>")
+    with pytest.raises(FileFormatError, match=r"not one model.*'arm', 'bob'"):
+        read_sdf(write(tmp_path, world(GROUND, *twice)))
+    with pytest.raises(
+        UnsupportedError, match=r"'model://leg' would be looked up.* its folder as 'leg' into"
+    ):
+        read_sdf(write(tmp_path, world(GROUND, "<include><uri>model://leg</uri></include>")))
+
+
+@pytest.mark.parametrize(
+    "uri", ["../arm", "model://../arm", "hand/../../arm", "file:///etc/arm.sdf", "linked", "..\\arm"]
+)
+def test_an_include_stays_in_the_folder(uri: str, tmp_path: Path) -> None:
+    shelf(tmp_path)
+    inside = tmp_path / "inside"
+    (inside / "hand").mkdir(parents=True)
+    (inside / "linked").symlink_to(tmp_path / "arm")
+    with pytest.raises(UnsupportedError, match=r"only files within .* are opened; give the path"):
+        read_sdf(write(inside, world(f"<include><uri>{uri}</uri></include>")))
+    write(inside / "hand", '<model><sdf version="1.6">../../arm/model.sdf</sdf></model>', "model.config")
+    with pytest.raises(FileFormatError, match="names no <sdf> file beside it"):
+        read_sdf(write(inside, world("<include><uri>hand</uri></include>")))
 
 
 def test_files_that_include_each_other_end(tmp_path: Path) -> None:

@@ -106,6 +106,21 @@ def test_slides_have_no_place() -> None:
     assert length_scale(slides(1e-17, 2.0)) == 1.0
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e3, 1e-6])
+def test_a_stroke_that_no_body_fits_is_none(unit: float) -> None:
+    """Slides of 2 km on carriages of 0.2 m have no limits; those of 20 m have, on frames that are 1 mm apart."""
+    box = pin.Inertia(2.0, np.zeros(3), 2.0 * (0.2 * unit) ** 2 * np.eye(3))
+
+    def found(stroke: float) -> float:
+        bare = slides(1e-3 * unit, stroke * unit)
+        return length_scale(replace(bare, links=tuple(Link(link.name, box) for link in bare.links))) / unit
+
+    assert found(20.0) == pytest.approx(10.0, rel=1e-12)
+    for placeholder in (2e3, 2e6, 1e12):
+        assert found(placeholder) == pytest.approx(found(np.inf), rel=1e-12)
+        assert found(placeholder) < 1.0
+
+
 def test_an_offset_of_round_off_is_none(rng: np.random.Generator) -> None:
     """Axes that meet in a point but for the digits of a file: a spherical mechanism is as large as it is drawn."""
     hinges = []

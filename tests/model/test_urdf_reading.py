@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.errors import FileFormatError, MechanismError
+from stewart_pin.errors import FileFormatError, MechanismError, MissingRoleError
 from stewart_pin.model.description import JointKind, Report
 from stewart_pin.model.formats.urdf import read_urdf
 from tests.small_urdf import (
@@ -108,8 +108,9 @@ def test_the_report_names_all_that_was_ignored(tmp_path: Path) -> None:
     assert isinstance(chain.report, Report) and chain.report.notes == chain.mechanism.notes
     report = str(chain.report)
     for word in (
-        "<visual>: for viewers (link 'shell', link 'shell')", "<collision>", "<glow>: unknown tag",
-        "<dynamics>", "<safety_controller>", "dont_collapse", "<material name='red'>", "<transmission name='t'>",
+        "<visual> left out: (line 1) needs a <geometry> (link 'shell', link 'shell')", "<collision> left out",
+        "<glow>: unknown tag", "<dynamics>",
+        "<safety_controller>", "dont_collapse", "<material name='red'>", "<transmission name='t'>",
         "<gazebo>", "<mujoco>", "folded", "gripper", "<banana>", "'colour'",
     ):  # fmt: skip
         assert word in report, report
@@ -124,7 +125,10 @@ def test_a_report_gathers_equal_findings(tmp_path: Path) -> None:
     shells = [link(f"shell{k}", f"{INERTIAL}<visual/>") for k in range(5)]
     glue = [joint(f"glue{k}", "arm", f"shell{k}", "fixed") for k in range(5)]
     report = str(stp.load(write(tmp_path, robot(*ARM, *shells, *glue))).report)
-    assert report == "ignored: <visual>: for viewers (link 'shell0', link 'shell1', link 'shell2' and 2 more)"
+    assert report == (
+        "ignored: <visual> left out: (line 1) needs a <geometry> (link 'shell0', link 'shell1', link 'shell2' and 2 "
+        "more)"
+    )
 
 
 def test_limits_that_other_readers_take_differently_are_reported(tmp_path: Path) -> None:
@@ -292,8 +296,9 @@ def test_another_link_may_be_the_platform(tmp_path: Path) -> None:
 
 
 def test_the_motors_are_named_when_none_is_marked(tmp_path: Path) -> None:
-    with pytest.raises(MechanismError, match="the candidates are: shoulder, elbow"):
-        stp.load(write(tmp_path, robot(*ARM).replace(MOTOR, "")))
+    chain = stp.load(write(tmp_path, robot(*ARM).replace(MOTOR, "")))
+    with pytest.raises(MissingRoleError, match="best guess first: shoulder, elbow"):
+        chain.require_motors()
 
 
 def test_an_inertia_of_no_real_body_is_refused_or_kept_aloud(tmp_path: Path) -> None:

@@ -119,6 +119,31 @@ def test_a_thin_rod_printed_with_ten_digits_passes() -> None:
     assert broken_triangle(printed + np.diag([0, 0, -1e-6])) is not None
 
 
+def bar_of(mass: float, size: float, moments: tuple[float, ...], away: float = 0.0) -> Mechanism:
+    """One hinge at some distance from the world's origin, and on it a body with its centre of mass aside."""
+    inertia = pin.Inertia(mass, np.array([size, 0.0, 0.0]), np.zeros((3, 3)))
+    inertia.inertia = np.diag(moments)
+    place = pin.SE3(np.eye(3), np.array([away, 0.0, 0.0]))
+    joint = Joint("hinge", JointKind.REVOLUTE, "base", "bar", place)
+    return Mechanism("bar", (Link("base"), Link("bar", inertia)), (joint,))
+
+
+@pytest.mark.parametrize("away", [0.0, 100.0])
+@pytest.mark.parametrize(("mass", "size"), [(1e-18, 1e-6), (1e-9, 1e-4), (1.0, 0.1), (1e4, 30.0)])
+def test_moments_are_judged_by_mass_and_size(mass: float, size: float, away: float) -> None:
+    """Of a body of any size: what no body has is refused, what turning leaves of nothing passes."""
+    moment = mass * size**2
+    validate(bar_of(mass, size, (moment, moment, moment), away))
+    with pytest.raises(MechanismError, match="negative principal moment"):
+        validate(bar_of(mass, size, (-0.1 * moment, moment, moment), away))
+    with pytest.raises(MechanismError, match="triangle"):
+        validate(bar_of(mass, size, (0.1 * moment, 0.1 * moment, moment), away))
+    left = 1e-16 * moment
+    validate(bar_of(mass, size, (0.0, left, -left), away))
+    with pytest.raises(MechanismError, match="negative principal moment"):
+        validate(bar_of(mass, size, (0.0, 0.0, -1e-12 * moment), away))
+
+
 FILES = {
     "negative mass": (link("shell", INERTIAL.replace('mass value="1"', 'mass value="-1"')), "negative mass -1"),
     "negative moment": (link("shell", INERTIAL.replace('izz="1"', 'izz="-1"')), "negative principal moment -1"),

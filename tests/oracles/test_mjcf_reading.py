@@ -341,7 +341,7 @@ WEIGHTS = """
 def test_shapes_that_are_taken_away_have_no_weight(option: str, tmp_path: Path) -> None:
     """Meshes that no inertia depends on are not opened; whatever the compiler's options, the bodies stay the same."""
     path = write(tmp_path, WEIGHTS.format(option))
-    ours, told = compile_mjcf(path)
+    ours, _, told = compile_mjcf(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         theirs = mujoco.MjSpec.from_file(str(path)).compile()

@@ -104,6 +104,10 @@ class FunctionSet:
     def __init__(
         self, chain: ClosedChain, coordinates: Coordinates, around: Configuration | None = None
     ) -> None:
+        if coordinates == "platform":
+            chain.platform_link  # noqa: B018 - raises
+        elif coordinates == "motor":
+            chain.require_motors()
         self.chain = chain
         self._around = around
         self.coordinates: Coordinates = coordinates
@@ -114,8 +118,9 @@ class FunctionSet:
         if coordinates != "tree" and around is None:
             require_idle_without_effect(chain, closed_samples(chain, count=1)[0])
             try:
-                self._take_apart()
-                self.why_whole_tree = ""
+                if chain.platform is not None:
+                    self._take_apart()
+                self.why_whole_tree = "no platform" if chain.platform is None else ""
             except UnsupportedError as reason:
                 self.why_whole_tree = str(reason)
         if self.placed is not None:
@@ -182,7 +187,7 @@ class FunctionSet:
             around it with closed loops [m, rad, unit quaternions].
         """
         chain = self.chain
-        pose = pin.SE3ToXYZQUAT(platform_pose(chain, chain.q_home))
+        pose = np.zeros(0) if chain.platform is None else pin.SE3ToXYZQUAT(platform_pose(chain, chain.q_home))
         target = pose if self.coordinates == "platform" else chain.q_home[chain.motor_q_index]
         if state == "pose" and self.placed is not None:
             return pose, target, self.placed.plan.poses
@@ -298,6 +303,8 @@ class FunctionSet:
         """
         if name not in self.names:
             raise InputError(f"name must be one of {', '.join(self.names)}, got {name!r}")
+        if name == "platform_pose":
+            self.chain.platform_link  # noqa: B018 - raises
         if name in _TREE:
             return _TREE[name](self.any_state)
         if name in _BY_TREE:

@@ -149,7 +149,7 @@ class Tree:
     motors_q
         Configuration index of each motor.
     platform
-        Body that carries the platform frame.
+        Body that carries the platform frame; the ground where there is no platform.
     platform_rotation
         (3, 3) rotation of the platform frame in that body.
     platform_translation
@@ -209,7 +209,8 @@ def tree_of(chain: ClosedChain) -> Tree:
     UnsupportedError
         If a joint is of a kind that has no graph.
     """
-    frame = chain.model.frames[chain.platform_id]
+    # Without a platform the ground stands for it; functions of a platform are refused before they are written.
+    frame = chain.model.frames[0 if chain.platform is None else chain.platform_id]
     return Tree(
         joints=tuple(_joint(chain, k) for k in range(1, chain.model.njoints)),
         loops=_loops(chain),

@@ -66,6 +66,8 @@ def closed_chain_articulated_body(
     """
     state = as_state(chain, q, v).require_moving()
     chain, q, v = state.chain, state.q, state.v
+    if tau_motor is None and not chain.nu:
+        tau_motor = np.zeros(0)
     if tau_motor is None:
         raise InputError("tau_motor is missing; pass the motor efforts, in the order of chain.motors")
     tau_motor = as_array("tau_motor", tau_motor, (chain.nu,))

@@ -134,6 +134,7 @@ def classify_singularity(
     """
     state = as_state(chain, q).require_closed()
     chain = state.chain
+    chain.platform_link  # noqa: B018 - raises
     length = chain.length_scale if length is None else as_positive("length", length)
     tolerance = as_positive("tolerance", tolerance)
     usual = generic_freedom(chain, TWIST_AXES if axes is None else axes) if generic is None else generic

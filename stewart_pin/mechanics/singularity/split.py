@@ -123,8 +123,11 @@ def split_jacobians(state: State, generic: FreedomCount, length: float) -> Jacob
         Measures and bases.
     """
     chain, loops = state.chain, state.rows
-    twist = state.P * chain.tangent_scale / np.repeat([length, 1.0], 3)[:, None]
-    twist = twist * counted(generic.axes)[:, None]
+    if chain.platform is None:  # then every motion is one of the mechanism
+        twist = np.eye(chain.nv)
+    else:
+        twist = state.P * chain.tangent_scale / np.repeat([length, 1.0], 3)[:, None]
+        twist = twist * counted(generic.axes)[:, None]
     rows = chain.motor_rows
 
     everything = np.eye(chain.nv)

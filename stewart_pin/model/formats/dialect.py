@@ -86,7 +86,7 @@ class Dialect:
     add_side_car
         Adds what a side-car file says to a mechanism; None: the dialect has no side-car files.
     write
-        Writes a mechanism, its home complete; None: the dialect is only read.
+        Writes a mechanism, its home complete, and notes what it has no word for; None: the dialect is only read.
     """
 
     name: str
@@ -96,7 +96,7 @@ class Dialect:
     suffixes: tuple[str, ...] = ()
     mark: str = ""
     add_side_car: Callable[[Mechanism, Path], Mechanism] | None = None
-    write: Callable[[Mechanism, Path], None] | None = None
+    write: Callable[[Mechanism, Path], tuple[Note, ...]] | None = None
 
 
 @cache

@@ -32,7 +32,9 @@ def choose_motors(mechanism: Mechanism, named: Sequence[tuple[str, str, tuple[st
     fault = _MARKED if any(joint.independent for joint in mechanism.joints) else _ambiguity(mechanism, named)
     if fault:
         ignored = tuple(Note(subject, fault) for _, subject, _ in named)
-        return replace(mechanism, notes=mechanism.notes + ignored)
+        movable = {joint.name for joint in mechanism.joints if joint.has_axis}
+        hints = dict.fromkeys(joint for _, _, joints in named for joint in joints if joint in movable)
+        return replace(mechanism, notes=mechanism.notes + ignored, motor_hints=tuple(hints))
     first = named[0][0]
     motors = [joint for kind, _, joints in named for joint in joints if kind == first]
     kept = tuple(Note(subject, "names the motors", Outcome.KEPT) for _, subject, joints in named if joints)

@@ -8,6 +8,9 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Mechanism
 from stewart_pin.model.formats.dialect import Dialect, dialects
 
+COMPLETE = ("loops", "here")
+"""Attribute of ``<robot>`` in a URDF that has all its loops, whatever lies beside it."""
+
 
 def add_side_car(mechanism: Mechanism, path: Path) -> Mechanism:
     """Add what a side-car file says.

@@ -14,17 +14,21 @@ from lxml import etree
 
 from stewart_pin.model.description import Mechanism
 from stewart_pin.model.formats.dialect import Parts, add_parts, claimed_tags, dialects, found_notes
+from stewart_pin.model.formats.foreign_tags import reason_to_ignore
 from stewart_pin.model.formats.named_motors import choose_motors
-from stewart_pin.model.formats.side_cars import add_side_car, find_beside
+from stewart_pin.model.formats.side_cars import COMPLETE, add_side_car, find_beside
 from stewart_pin.model.formats.urdf_core import (
     joint_tags,
+    read_assembled,
     read_gravity,
     read_home,
     read_joint,
     read_link,
+    read_odd_inertias,
     read_platform,
 )
 from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.formats.urdf_shapes import SHAPE_TAGS, is_used
 from stewart_pin.model.formats.xml import shown_tag
 from stewart_pin.model.spanning_tree import cut_second_parents
 
@@ -61,8 +65,9 @@ def read_urdf(path: Path, *, loops: Path | None = None) -> Mechanism:
     MechanismError
         If a joint that would have to be cut is a motor.
     """
-    mechanism = _UrdfReader(path).read()
-    side_car = find_beside(path) if loops is None else loops
+    reader = _UrdfReader(path)
+    mechanism = reader.read()
+    side_car = find_beside(path) if loops is None and reader.root.get(COMPLETE[0]) is None else loops
     if side_car is not None:
         mechanism = add_side_car(mechanism, side_car)
     for dialect in dialects():
@@ -75,17 +80,27 @@ class _UrdfReader(UrdfElements):
     def read(self) -> Mechanism:
         if self.root.tag != "robot":
             raise self.error(f"the root element is <{shown_tag(self.root)}>, a URDF has <robot>", "<robot>")
-        self.ignore_attributes(self.root, "the file", ("name", "version"))
+        self.ignore_attributes(self.root, "the file", ("name", "version", COMPLETE[0]))
+        if self.root.get(*COMPLETE) != COMPLETE[1]:
+            raise self.error(
+                f"<robot {COMPLETE[0]}='{self.root.get(COMPLETE[0])}'>: it may be '{COMPLETE[1]}', for a file that no "
+                "other file adds loops to, or absent",
+                "<robot>",
+            )
         found: list[_Found] = []
         for element in self.root.iterchildren(etree.Element):
             tag = shown_tag(element)
             if tag == "link":
                 found.append(_Found(read_link(self, element)))
-                found.extend(self._inner(element, ("inertial",)))
+                found.extend(self._inner(element, ("inertial", *SHAPE_TAGS)))
             elif tag == "joint":
                 found.append(_Found(read_joint(self, element)))
                 found.extend(self._inner(element, joint_tags(element)))
-            elif tag not in ("group_state", "end_effector", "gravity"):
+            elif tag == "material" and is_used(self, element):
+                reason_to_ignore(
+                    self, element, "the file"
+                )  # read with the shapes; stops at what could close a loop
+            elif tag not in ("group_state", "end_effector", "gravity", "odd_inertia"):
                 found.extend(self._in_a_dialect(element, "the file"))
         parts = [each.parts for each in found]
         links = tuple(link for part in parts for link in part.links)
@@ -99,6 +114,8 @@ class _UrdfReader(UrdfElements):
             home=read_home(self),
             source=self.path,
             gravity=read_gravity(self),
+            assembled=read_assembled(self),
+            odd_inertias=read_odd_inertias(self, links),
             notes=(*self.notes, *(note for part in parts for note in part.notes)),
         )
         for each in found:

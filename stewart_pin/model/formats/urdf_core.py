@@ -20,6 +20,7 @@ from lxml import etree
 from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Outcome, loop_coordinates
 from stewart_pin.model.formats.dialect import Parts
 from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES, UrdfElements
+from stewart_pin.model.formats.urdf_shapes import SHAPE_TAGS, read_shapes
 from stewart_pin.model.formats.xml import UNLIMITED
 from stewart_pin.model.unfolding import Unfolded, unfold_cylindrical, unfold_planar, unfold_universal
 from stewart_pin.typing import FloatArray
@@ -45,7 +46,7 @@ _UNFOLDED = (JointKind.PLANAR, JointKind.CYLINDRICAL, JointKind.UNIVERSAL)
 
 
 def read_link(reader: UrdfElements, element: etree._Element) -> Parts:
-    """Read a ``<link>`` with its ``<inertial>``.
+    """Read a ``<link>`` with its ``<inertial>`` and its shapes.
 
     Parameters
     ----------
@@ -64,7 +65,8 @@ def read_link(reader: UrdfElements, element: etree._Element) -> Parts:
     reader.ignore_attributes(element, owner, ("name", "type"))
     inertial = reader.optional(element, "inertial", owner)
     inertia = None if inertial is None else _inertia(reader, inertial, owner)
-    return Parts(links=(Link(name, inertia),))
+    visuals, collisions = (read_shapes(reader, element, tag, owner) for tag in SHAPE_TAGS)
+    return Parts(links=(Link(name, inertia, visuals, collisions),))
 
 
 def _inertia(reader: UrdfElements, inertial: etree._Element, owner: str) -> pin.Inertia:
@@ -357,7 +359,7 @@ def read_home(reader: UrdfElements) -> Mapping[str, FloatArray]:
     if len(states) > 1:
         raise reader.error(f"{len(states)} <group_state name='home'>; keep one", "home")
     for state in states:
-        reader.only(state, "group_state 'home'", ("name", "group"), ("joint",))
+        reader.only(state, "group_state 'home'", ("name", "group", "assembled"), ("joint",))
         for element in state:
             name = reader.text(element, "name", "group_state 'home'")
             owner = f"joint '{name}' of group_state 'home'"
@@ -366,6 +368,23 @@ def read_home(reader: UrdfElements) -> Mapping[str, FloatArray]:
             reader.only(element, owner, ("name", "value"))
             home[name] = reader.parse(reader.text(element, "value", owner), None, owner, owner)
     return home
+
+
+def read_assembled(reader: UrdfElements) -> bool:
+    """Read whether home stays where the file has it, whatever the limits say, as `save` notes it.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+
+    Returns
+    -------
+    bool
+        Attribute ``assembled`` of the home configuration.
+    """
+    homes = [element for element in reader.root.findall("group_state") if element.get("name") == "home"]
+    return any(reader.flag(element, "assembled", "group_state 'home'") for element in homes)
 
 
 def read_gravity(reader: UrdfElements) -> tuple[float, float, float] | None:
@@ -387,3 +406,34 @@ def read_gravity(reader: UrdfElements) -> tuple[float, float, float] | None:
     reader.only(element, "<gravity>", ("xyz",))
     x, y, z = map(float, reader.numbers(element, "xyz", 3, "<gravity>"))
     return x, y, z
+
+
+def read_odd_inertias(reader: UrdfElements, links: tuple[Link, ...]) -> frozenset[str]:
+    """Read which links keep an inertia that no real body has, as `save` notes them.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+    links
+        Links of the file.
+
+    Returns
+    -------
+    frozenset of str
+        Their names.
+    """
+    odd: set[str] = set()
+    for element in reader.root.findall("odd_inertia"):
+        name = reader.text(element, "link", "<odd_inertia>")
+        reader.only(element, "<odd_inertia>", ("link",))
+        if name not in [link.name for link in links]:
+            raise reader.error(
+                f"<odd_inertia> (line {element.sourceline}) names the missing link '{name}'; correct the name",
+                name,
+            )
+        reader.note(
+            f"link '{name}'", "<odd_inertia>: its inertia is kept, which no real body has", Outcome.KEPT
+        )
+        odd.add(name)
+    return frozenset(odd)

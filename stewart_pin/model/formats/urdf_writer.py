@@ -9,37 +9,48 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
-from stewart_pin.geometry.rotations import rpy_from_rotation
-from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Mechanism
+from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Mechanism, Note
+from stewart_pin.model.formats.side_cars import COMPLETE, find_beside
 from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES
+from stewart_pin.model.formats.urdf_placements import write_origin
+from stewart_pin.model.formats.urdf_shape_writer import UrdfShapes
 from stewart_pin.model.formats.xml import UNLIMITED, number_text
 
 
-def tree_element(mechanism: Mechanism, nsmap: dict[str, str] | None = None) -> etree._Element:
-    """Write links and joints.
+def tree_element(
+    mechanism: Mechanism, path: Path, nsmap: dict[str, str] | None = None
+) -> tuple[etree._Element, tuple[Note, ...]]:
+    """Write links with their shapes, and joints.
 
     Parameters
     ----------
     mechanism
         What to write.
+    path
+        File that is to be written: meshes are named as seen from its folder.
     nsmap
         Namespaces that the dialect's tags need.
 
     Returns
     -------
-    lxml.etree._Element
+    robot : lxml.etree._Element
         The ``<robot>``, without loops.
+    notes : tuple of Note
+        What URDF has no word for, and what was put in its place.
     """
     robot = etree.Element("robot", {"name": mechanism.name}, nsmap)
+    shapes = UrdfShapes(path.resolve().parent)
     for link in mechanism.links:
         _write_link(robot, link)
+        shapes.write(robot[-1], link)
     for joint in mechanism.joints:
         _write_joint(robot, joint)
-    return robot
+    shapes.write_materials(robot)
+    return robot, tuple(shapes.notes)
 
 
-def save(robot: etree._Element, mechanism: Mechanism, path: Path) -> None:
-    """Add platform, home and unusual gravity to a robot, and write the file.
+def save(robot: etree._Element, mechanism: Mechanism, path: Path, *, has_side_car: bool = False) -> None:
+    """Add platform, home, unusual gravity and names of odd inertias to a robot, and write the file.
 
     Parameters
     ----------
@@ -49,50 +60,25 @@ def save(robot: etree._Element, mechanism: Mechanism, path: Path) -> None:
         What it describes.
     path
         File to create or overwrite.
+    has_side_car
+        Whether a file beside it is to declare its loops; one that lies there already is passed by otherwise.
     """
+    if not has_side_car and find_beside(path) is not None:
+        robot.set(*COMPLETE)
     if mechanism.platform not in (None, "platform"):
         etree.SubElement(robot, "end_effector", name="platform", parent_link=mechanism.platform, group="all")
     if mechanism.home:
         state = etree.SubElement(robot, "group_state", name="home", group="all")
+        if mechanism.assembled:
+            state.set("assembled", "true")
         for name, values in mechanism.home.items():
             etree.SubElement(state, "joint", name=name, value=number_text(values))
     if mechanism.gravity not in (None, STANDARD_GRAVITY):
         etree.SubElement(robot, "gravity", xyz=number_text(mechanism.gravity))
+    for link in mechanism.links:
+        if link.name in mechanism.odd_inertias and link.inertia is not None:
+            etree.SubElement(robot, "odd_inertia", link=link.name)
     path.write_bytes(etree.tostring(robot, pretty_print=True, xml_declaration=True, encoding="utf-8"))
-
-
-def write_origin(element: etree._Element, placement: pin.SE3) -> None:
-    """Write a placement as ``<origin>``, unless it is the identity.
-
-    Parameters
-    ----------
-    element
-        Where to put it.
-    placement
-        The placement.
-    """
-    attributes = pose_attributes(placement)
-    if attributes:
-        etree.SubElement(element, "origin", attributes)
-
-
-def pose_attributes(placement: pin.SE3) -> dict[str, str]:
-    """Print a placement as the attributes ``xyz`` and ``rpy``.
-
-    Parameters
-    ----------
-    placement
-        The placement.
-
-    Returns
-    -------
-    dict
-        Without ``rpy`` where nothing is turned; empty for the identity.
-    """
-    rpy = rpy_from_rotation(placement.rotation)
-    turned = {"rpy": number_text(rpy)} if rpy.any() else {}
-    moved = {"xyz": number_text(placement.translation)} if turned or placement.translation.any() else {}
-    return moved | turned
 
 
 def _write_link(robot: etree._Element, link: Link) -> None:

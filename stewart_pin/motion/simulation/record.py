@@ -112,7 +112,7 @@ class Simulation:
     tau_motor
         (N, nu) efforts that the drives gave, limits included, friction not [N or N m].
     platform
-        Measured motion of the platform frame at these instants, in the world.
+        Measured motion of the platform frame at these instants, in the world; None where there is no platform.
     energy
         (N,) kinetic and potential energy, motor inertia and springs of end stops included [J].
     supplied
@@ -141,7 +141,7 @@ class Simulation:
     q: FloatArray
     v: FloatArray
     tau_motor: FloatArray
-    platform: PlatformSamples
+    platform: PlatformSamples | None
     energy: FloatArray
     supplied: FloatArray
     dissipated: FloatArray
@@ -258,7 +258,9 @@ class Recorder:
         numbers
             Energy, supplied work, heat [J], and gap [m].
         """
-        k, data, platform = self._count, self._data, self._chain.platform_id
+        k, data = self._count, self._data
+        # Without a platform the frame of the ground is looked at, and nothing is said of it.
+        platform = 0 if self._chain.platform is None else self._chain.platform_id
         pin.forwardKinematics(self._chain.model, data, q, v, a)
         pose = pin.updateFramePlacement(self._chain.model, data, platform)
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -313,7 +315,7 @@ class Recorder:
             q=self._q[n],
             v=self._v[n],
             tau_motor=self._tau[n],
-            platform=samples,
+            platform=None if self._chain.platform is None else samples,
             energy=energy,
             supplied=supplied,
             dissipated=dissipated,

@@ -114,7 +114,7 @@ def _note_spring(reader: UrdfElements, element: etree._Element) -> Parts:
     )
 
 
-def write_drake(mechanism: Mechanism, path: Path) -> None:
+def write_drake(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     """Write a mechanism as URDF with Drake's tags, so that Drake's own parser finds the loops.
 
     Spherical joints become ``<drake:joint type="ball">``. Drake lets a root link float, unless it is called
@@ -128,12 +128,17 @@ def write_drake(mechanism: Mechanism, path: Path) -> None:
     path
         File to create or overwrite.
 
+    Returns
+    -------
+    tuple of Note
+        What the dialect has no word for.
+
     Raises
     ------
     UnsupportedError
         If a loop is not spherical, a coupling is no ``<mimic>``, or a moving link is called ``world``.
     """
-    robot = tree_element(mechanism, {"drake": _NAMESPACE})
+    robot, notes = tree_element(mechanism, path, {"drake": _NAMESPACE})
     write_mimics(robot, mechanism, "drake")
     for joint in mechanism.joints:
         if joint.kind is JointKind.SPHERICAL:
@@ -155,6 +160,7 @@ def write_drake(mechanism: Mechanism, path: Path) -> None:
         if joint.independent:
             _write_transmission(robot, joint)
     save(robot, mechanism, path)
+    return notes
 
 
 def _fix_to_world(robot: etree._Element, mechanism: Mechanism) -> None:

@@ -178,7 +178,7 @@ def _common_name(frame1: str, frame2: str, taken: list[str]) -> str:
     return f"{frame1}_{frame2}"
 
 
-def write_gepetto(mechanism: Mechanism, path: Path) -> None:
+def write_gepetto(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     """Write a mechanism as a URDF that every reader opens, and Gepetto's YAML of the same name beside it.
 
     The loops' frames become links without mass, ``<loop>_A`` and ``<loop>_B``; spherical joints stand in the URDF as
@@ -190,6 +190,11 @@ def write_gepetto(mechanism: Mechanism, path: Path) -> None:
         What to write.
     path
         URDF to create or overwrite; the YAML takes its place beside it.
+
+    Returns
+    -------
+    tuple of Note
+        What the dialect has no word for.
 
     Raises
     ------
@@ -213,9 +218,9 @@ def write_gepetto(mechanism: Mechanism, path: Path) -> None:
     plain = tuple(
         replace(joint, kind=JointKind.REVOLUTE) if joint.name in balls else joint for joint in tree.joints
     )
-    robot = tree_element(replace(tree, joints=plain))
+    robot, notes = tree_element(replace(tree, joints=plain), path)
     write_mimics(robot, mechanism, "gepetto")
-    save(robot, mechanism, path)
+    save(robot, mechanism, path, has_side_car=True)
     lists = {
         "closed_loop": pairs,
         "type": [kinds[loop.kind] for loop in mechanism.loops],
@@ -226,6 +231,7 @@ def write_gepetto(mechanism: Mechanism, path: Path) -> None:
     # JSON's lists and strings are YAML's, and quoted, so that names like "on" stay names.
     text = "".join(f"{key}: {json.dumps(value, ensure_ascii=False)}\n" for key, value in lists.items())
     path.with_suffix(".yaml").write_text(text, encoding="utf-8")
+    return notes
 
 
 def _with_frame(mechanism: Mechanism, name: str, link: str, placement: pin.SE3) -> Mechanism:

@@ -27,7 +27,8 @@ from stewart_pin.model.formats.dialects.mimic import write_mimics
 from stewart_pin.model.formats.frames import AT_ZERO, relative_at_zero
 from stewart_pin.model.formats.urdf_core import read_bounds
 from stewart_pin.model.formats.urdf_elements import UrdfElements
-from stewart_pin.model.formats.urdf_writer import pose_attributes, save, tree_element
+from stewart_pin.model.formats.urdf_placements import pose_attributes
+from stewart_pin.model.formats.urdf_writer import save, tree_element
 from stewart_pin.model.formats.xml import shown_tag
 
 _TYPES = {
@@ -99,7 +100,7 @@ def _read_points(reader: UrdfElements, element: etree._Element, loop: Loop) -> P
     return Parts(later=turned)
 
 
-def write_isaac(mechanism: Mechanism, path: Path) -> None:
+def write_isaac(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     """Write a mechanism as URDF with ``<loop_joint>`` for Isaac Sim, its couplings as ``<mimic>``.
 
     Parameters
@@ -109,12 +110,17 @@ def write_isaac(mechanism: Mechanism, path: Path) -> None:
     path
         File to create or overwrite.
 
+    Returns
+    -------
+    tuple of Note
+        What the dialect has no word for.
+
     Raises
     ------
     UnsupportedError
         If a loop is not spherical, the one type that Isaac Sim documents, or a coupling is no ``<mimic>``.
     """
-    robot = tree_element(mechanism)
+    robot, notes = tree_element(mechanism, path)
     write_mimics(robot, mechanism, "isaac")
     for loop in mechanism.loops:
         if loop.kind is not JointKind.SPHERICAL:
@@ -129,6 +135,7 @@ def write_isaac(mechanism: Mechanism, path: Path) -> None:
         ):
             etree.SubElement(element, tag, {"link": link, **pose_attributes(placement)})
     save(robot, mechanism, path)
+    return notes
 
 
 DIALECT = Dialect("isaac", "Isaac <loop_joint>", {"robot/loop_joint": _read}, write=write_isaac)

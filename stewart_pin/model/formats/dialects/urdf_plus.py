@@ -32,13 +32,15 @@ from stewart_pin.model.description import (
     JointKind,
     Loop,
     Mechanism,
+    Note,
     loop_coordinates,
 )
 from stewart_pin.model.formats.dialect import Dialect, Parts
 from stewart_pin.model.formats.frames import upward
 from stewart_pin.model.formats.urdf_core import read_bounds
 from stewart_pin.model.formats.urdf_elements import UrdfElements
-from stewart_pin.model.formats.urdf_writer import save, tree_element, write_bounds, write_origin
+from stewart_pin.model.formats.urdf_placements import write_origin
+from stewart_pin.model.formats.urdf_writer import save, tree_element, write_bounds
 from stewart_pin.model.formats.xml import number_text
 
 
@@ -150,7 +152,7 @@ def _read_polynomial(reader: UrdfElements, element: etree._Element, name: str, o
     return Parts(couplings=(coupling,))
 
 
-def write_urdf_plus(mechanism: Mechanism, path: Path) -> None:
+def write_urdf_plus(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     """Write a mechanism as URDF with loops in the URDF+ dialect.
 
     Parameters
@@ -159,13 +161,19 @@ def write_urdf_plus(mechanism: Mechanism, path: Path) -> None:
         What to write.
     path
         File to create or overwrite.
+
+    Returns
+    -------
+    tuple of Note
+        What the dialect has no word for.
     """
-    robot = tree_element(mechanism)
+    robot, notes = tree_element(mechanism, path)
     for loop in mechanism.loops:
         _write_loop(robot, loop)
     for coupling in mechanism.couplings:
         _write_coupling(robot, mechanism, coupling)
     save(robot, mechanism, path)
+    return notes
 
 
 def _write_coupling(robot: etree._Element, mechanism: Mechanism, coupling: Coupling) -> None:

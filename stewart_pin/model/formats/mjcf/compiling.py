@@ -14,6 +14,7 @@ from typing import Any
 from lxml import etree
 
 from stewart_pin.errors import FileFormatError, MissingExtraError
+from stewart_pin.model.formats.mjcf.asides import AsideReader, Asides
 from stewart_pin.model.formats.xml import ElementReader, read_xml, shown_tag
 
 _MOST_ELEMENTS = 20_000
@@ -50,7 +51,7 @@ def import_mujoco() -> Any:
     return mujoco
 
 
-def compile_mjcf(path: Path) -> tuple[Any, tuple[str, ...]]:
+def compile_mjcf(path: Path) -> tuple[Any, Asides, tuple[str, ...]]:
     """Compile a file to MuJoCo's model.
 
     Parameters
@@ -62,6 +63,8 @@ def compile_mjcf(path: Path) -> tuple[Any, tuple[str, ...]]:
     -------
     model : mujoco.MjModel
         The model, without sensors, textures and other parts that are no mechanism.
+    asides : Asides
+        What the file says besides.
     warnings : tuple of str
         What MuJoCo warns of.
 
@@ -78,9 +81,10 @@ def compile_mjcf(path: Path) -> tuple[Any, tuple[str, ...]]:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             spec = mujoco.MjSpec.from_file(str(path))
+            asides = AsideReader(mujoco, spec)
             _strip(mujoco, spec)
             model = spec.compile()
-        return model, tuple(" ".join(str(warning.message).split()) for warning in caught)
+        return model, asides.read(), tuple(" ".join(str(warning.message).split()) for warning in caught)
     # Its exceptions have no base of their own: ValueError for what a file says, RuntimeError for what befell it.
     except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
         said = " ".join(str(error).replace("Element name '', ", "").split())

@@ -19,7 +19,8 @@ from stewart_pin.model.description import Coupling, JointKind, Loop, Note, Outco
 from stewart_pin.model.formats.mjcf.compiling import import_mujoco
 from stewart_pin.model.formats.mjcf.merging import merge_loops
 from stewart_pin.model.formats.mjcf.names import Names, given_names
-from stewart_pin.model.formats.mjcf.tree import Tree, placement_of
+from stewart_pin.model.formats.mjcf.placements import placement_of
+from stewart_pin.model.formats.mjcf.tree import Tree
 from stewart_pin.typing import FloatArray
 
 

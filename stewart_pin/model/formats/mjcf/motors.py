@@ -25,10 +25,13 @@ class Drive:
         All joints of the tree; the motors stand in the order of the actuators.
     notes
         What was made of the actuators.
+    hints
+        Joints that actuators pull at by tendons.
     """
 
     joints: tuple[Joint, ...]
     notes: tuple[Note, ...]
+    hints: tuple[str, ...] = ()
 
 
 def read_motors(model: Any, tree: Tree) -> Drive:
@@ -60,6 +63,7 @@ class _MotorReader:
         given = given_names(model, "actuator", model.nu)
         self.names = [name or f"number {k + 1}" for k, name in enumerate(given)]
         self.notes: list[Note] = []
+        self.hints: dict[str, None] = {}
 
     def read(self) -> Drive:
         efforts: dict[str, Span] = {}
@@ -76,7 +80,7 @@ class _MotorReader:
                 joints[name] = replace(joints[name], effort=effort, independent=name in efforts)
         motors = iter([joints[name] for name in efforts])
         ordered = tuple(next(motors) if joint.name in efforts else joint for joint in joints.values())
-        return Drive(ordered, tuple(self.notes))
+        return Drive(ordered, tuple(self.notes), tuple(self.hints))
 
     def _driven(self, k: int) -> str | None:
         """Find the joint that an actuator drives; None, with a note: it is no motor."""
@@ -88,6 +92,8 @@ class _MotorReader:
         if kind not in (transmissions.mjTRN_JOINT, transmissions.mjTRN_JOINTINPARENT):
             what = kind.name.removeprefix("mjTRN_").lower()
             self._note(k, f"acts on a {what}, not on a joint: no motor")
+            if kind == transmissions.mjTRN_TENDON:
+                self.hints |= dict.fromkeys(self._pulled(int(self.model.actuator_trnid[k][0])))
             return None
         name = self.tree.joint_names[int(self.model.actuator_trnid[k][0])]
         if not next(joint for joint in self.tree.joints if joint.name == name).has_axis:
@@ -103,6 +109,17 @@ class _MotorReader:
             text = "its gains and dynamics: here a motor gives the effort that it is told to give"
             self._note(k, text)
         return name
+
+    def _pulled(self, tendon: int) -> list[str]:
+        """Joints of one freedom that a fixed tendon combines."""
+        model, start = self.model, int(self.model.tendon_adr[tendon])
+        joints = {joint.name: joint for joint in self.tree.joints}
+        names = [
+            self.tree.joint_names[int(model.wrap_objid[k])]
+            for k in range(start, start + int(model.tendon_num[tendon]))
+            if int(model.wrap_type[k]) == int(self.mujoco.mjtWrap.mjWRAP_JOINT)
+        ]
+        return [name for name in names if joints[name].has_axis]
 
     def _is_off(self, k: int) -> bool:
         group, option = int(self.model.actuator_group[k]), self.model.opt

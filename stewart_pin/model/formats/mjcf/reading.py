@@ -30,6 +30,7 @@ _USED = (
     "body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_range",
     "site_pos", "site_quat", "eq_data", "qpos0", "key_qpos", "key_mpos", "key_mquat", "tendon_length0", "wrap_prm",
     "actuator_gear", "actuator_gainprm", "actuator_forcerange", "actuator_ctrlrange", "jnt_actfrcrange",
+    "geom_pos", "geom_quat",
 )  # fmt: skip
 """Arrays of the compiled model that the mechanism is made of."""
 
@@ -46,7 +47,8 @@ def read_mjcf(path: Path) -> Mechanism:
     -------
     Mechanism
         Description, not yet validated. Home is the keyframe ``home``, or else the first, or else the configuration
-        in which the file draws the bodies; the platform is the body or the site called ``platform``.
+        in which the file draws the bodies; the platform is the body or the site that ``<text name="platform">`` of
+        ``<custom>`` names, or else the one called ``platform``.
 
     Raises
     ------
@@ -55,10 +57,10 @@ def read_mjcf(path: Path) -> Mechanism:
     FileFormatError
         If MuJoCo refuses the file, or it holds what has no counterpart.
     """
-    model, warned = compile_mjcf(path)
+    model, asides, warned = compile_mjcf(path)
     _require_numbers(model, str(path))
     key, key_notes = _home_key(model)
-    tree = read_tree(model, key=key)
+    tree = read_tree(model, asides, key=key, source=str(path))
     ties = read_ties(model, tree, source=str(path))
     drive = read_motors(model, tree)
     off = import_mujoco().mjtDisableBit.mjDSBL_GRAVITY
@@ -69,14 +71,16 @@ def read_mjcf(path: Path) -> Mechanism:
         name=name if name not in ("", "MuJoCo Model") else path.stem,
         links=tree.links,
         joints=drive.joints,
+        motor_hints=drive.hints,
         loops=ties.loops,
         couplings=ties.couplings,
         platform=tree.platform,
         home=tree.home,
-        home_is_guess=True,
+        home_is_guess=not asides.assembled,
         source=str(path),
         notes=(*said, *tree.notes, *ties.notes, *drive.notes, *key_notes, *left_out(model, tree)),
         gravity=(x, y, z),
+        assembled=asides.assembled,
     )
 
 

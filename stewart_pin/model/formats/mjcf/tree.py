@@ -16,9 +16,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import Joint, JointKind, Link, Note, Outcome
+from stewart_pin.model.formats.mjcf.asides import PLATFORM, SPEED, Asides
 from stewart_pin.model.formats.mjcf.compiling import import_mujoco
 from stewart_pin.model.formats.mjcf.names import Names, given_names
+from stewart_pin.model.formats.mjcf.placements import placement_of
+from stewart_pin.model.formats.mjcf.shapes import read_shapes
 from stewart_pin.typing import FloatArray
 
 MUJOCO_FAR = 1e10
@@ -40,7 +44,7 @@ class Tree:
     home
         Joint values at MuJoCo's configuration: ``{joint: values}`` [m, rad, quaternion].
     platform
-        Link called ``platform``, or at the site of that name; None: there is none.
+        Link or site that the file names as the platform, or that is called ``platform``; None: there is none.
     notes
         What was made of them.
     """
@@ -54,47 +58,36 @@ class Tree:
     notes: tuple[Note, ...]
 
 
-def read_tree(model: Any, *, key: int | None) -> Tree:
+def read_tree(model: Any, asides: Asides, *, key: int | None, source: str = "") -> Tree:
     """Turn bodies, joints and sites into links and joints.
 
     Parameters
     ----------
     model
         ``mujoco.MjModel``.
+    asides
+        What the file says besides: shapes, name of the platform, limits of speed.
     key
         Number of the keyframe that is home; None: the configuration of the file.
+    source
+        The file, for messages.
 
     Returns
     -------
     Tree
         Links and joints; sites that close no loop are links without inertia.
+
+    Raises
+    ------
+    FileFormatError
+        If the file names a platform that is no body and no site.
     """
-    return _TreeReader(model, key).read()
-
-
-def placement_of(position: FloatArray, quaternion: FloatArray) -> pin.SE3:
-    """Build a placement from MuJoCo's numbers.
-
-    Parameters
-    ----------
-    position
-        (3,) origin [m].
-    quaternion
-        (4,) w x y z, unit quaternion.
-
-    Returns
-    -------
-    pinocchio.SE3
-        The placement.
-    """
-    w, x, y, z = (float(value) for value in quaternion)
-    rotation = pin.Quaternion(w, x, y, z).normalized().toRotationMatrix()
-    return pin.SE3(rotation, np.array(position, dtype=float))
+    return _TreeReader(model, asides, key, source).read()
 
 
 class _TreeReader:
-    def __init__(self, model: Any, key: int | None) -> None:
-        self.model = model
+    def __init__(self, model: Any, asides: Asides, key: int | None, source: str) -> None:
+        self.model, self.asides, self.source = model, asides, source
         self.types = import_mujoco().mjtJoint
         bodies, joints = given_names(model, "body", model.nbody), given_names(model, "joint", model.njnt)
         self.link_names, self.joint_names = Names(bodies), Names(joints)
@@ -108,12 +101,25 @@ class _TreeReader:
         self.notes: list[Note] = []
 
     def read(self) -> Tree:
+        shapes = read_shapes(self.model, self.asides.geoms)
+        self.notes += shapes.notes
+        for name in self.asides.speeds:
+            if name not in self.named:
+                self.notes.append(Note(f"<numeric name='{SPEED}{name}'>", "no joint of this name"))
         for body in range(self.model.nbody):
-            self.links.append(Link(self.bodies[body], _inertia(self.model, body)))
+            seen, found = shapes.visuals.get(body, ()), shapes.collisions.get(body, ())
+            self.links.append(Link(self.bodies[body], _inertia(self.model, body), seen, found))
             if body > 0:
                 self._body(body)
         sites = self._sites()
-        platform = "platform" if "platform" in self.bodies else sites.get("platform")
+        named = self.asides.platform
+        platform = named if named in self.bodies else sites.get(named)
+        if platform is None and named != PLATFORM:
+            raise FileFormatError(
+                f"<text name='{PLATFORM}'> names '{named}', which is no body and no site; correct the name",
+                path=self.source,
+                culprit=named,
+            )
         return Tree(
             links=tuple(self.links),
             joints=tuple(self.joints),
@@ -178,7 +184,9 @@ class _TreeReader:
         lower, upper = self._limits(number)
         # The body stands as drawn at the coordinate `ref`.
         placement = placement * back if ref else placement
-        self._add(Joint(name, kind, parent, child, placement, axis, lower, upper), self.qpos[at : at + 1])
+        speed = self.asides.speeds.get(name, np.inf)
+        joint = Joint(name, kind, parent, child, placement, axis, lower, upper, velocity=speed)
+        self._add(joint, self.qpos[at : at + 1])
 
     def _limits(self, number: int) -> tuple[float, float]:
         off = import_mujoco().mjtDisableBit
@@ -210,7 +218,7 @@ class _TreeReader:
         links: dict[str, str] = {}
         for k, name in enumerate(names):
             body = self.bodies[model.site_bodyid[k]]
-            if not name or (k in ends and name != "platform"):
+            if not name or (k in ends and name != self.asides.platform):
                 continue
             placement = placement_of(model.site_pos[k], model.site_quat[k])
             if name == body and placement.isApprox(pin.SE3.Identity(), 1e-15):

@@ -8,9 +8,9 @@ of the rigid mechanism. ``mj_inverse`` answers with one effort per coordinate of
 switch constraints off (``mjDSBL_CONSTRAINT``) and project its answer on the motions that keep the loops closed
 (the null space of ``efc_J``); that is exact.
 
-What has no counterpart is left out: limits of joint speed, acceleration and jerk, of the swing of balls and of joints
-that close loops, and effort limits of zero. What MuJoCo cannot express is an
-`UnsupportedError`.
+Limits of joint speed and the name of the platform, for which MuJoCo has no word, stand in ``<custom>``, where `load`
+finds them. What has no counterpart is left out, and noted, but for limits of acceleration and jerk, of the swing of
+balls and of joints that close loops. What MuJoCo cannot express is an `UnsupportedError`.
 
 References
 ----------
@@ -27,11 +27,15 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import Joint, JointKind, Mechanism
+from stewart_pin.model.description import Joint, JointKind, Link, Mechanism, Note, Outcome
+from stewart_pin.model.formats.mjcf.asides import ASSEMBLED, HOME, PLATFORM, SPEED
 from stewart_pin.model.formats.mjcf.bodies import Body, plan_bodies
 from stewart_pin.model.formats.mjcf.equalities import write_equalities
+from stewart_pin.model.formats.mjcf.placements import place, quaternion_text
+from stewart_pin.model.formats.mjcf.shape_writing import MjcfShapes
 from stewart_pin.model.formats.mjcf.tree import MUJOCO_FAR
-from stewart_pin.model.formats.xml import number_text
+from stewart_pin.model.formats.xml import UNLIMITED, number_text
+from stewart_pin.model.validation import broken_triangle, is_massless
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _WORLD = "world"
@@ -44,7 +48,9 @@ _ABOUT_LOOPS = (
 )
 
 
-def write_mjcf_file(mechanism: Mechanism, path: Path, *, motors: Sequence[str], gravity: ArrayLike) -> None:
+def write_mjcf_file(
+    mechanism: Mechanism, path: Path, *, motors: Sequence[str], gravity: ArrayLike
+) -> tuple[Note, ...]:
     """Write a mechanism as MJCF.
 
     Links become nested bodies of the same name, in the order of the Pinocchio model; links without mass vanish where
@@ -65,22 +71,31 @@ def write_mjcf_file(mechanism: Mechanism, path: Path, *, motors: Sequence[str], 
     gravity
         (3,) acceleration of free fall in the world frame [m/s²].
 
+    Returns
+    -------
+    tuple of Note
+        What MuJoCo has no word for.
+
     Raises
     ------
     UnsupportedError
         If MuJoCo cannot express a link, joint, loop, coupling or motor; names it and the remedy.
     """
-    root = _MjcfWriter(mechanism, motors).write(np.asarray(gravity, dtype=float))
+    writer = _MjcfWriter(mechanism, motors, path.resolve().parent)
+    root = writer.write(np.asarray(gravity, dtype=float))
     path.write_bytes(etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="utf-8"))
+    return (*writer.notes, *writer.shapes.notes)
 
 
 class _MjcfWriter:
-    def __init__(self, mechanism: Mechanism, motors: Sequence[str]) -> None:
+    def __init__(self, mechanism: Mechanism, motors: Sequence[str], folder: Path) -> None:
         self.mechanism = mechanism
         self.motors = motors
         self.bodies = plan_bodies(mechanism)
         self.elements: dict[str | None, etree._Element] = {}
         self.sites: set[str] = set()
+        self.shapes = MjcfShapes(folder)
+        self.notes: list[Note] = []
 
     def write(self, gravity: FloatArray) -> etree._Element:
         root = etree.Element("mujoco", model=self.mechanism.name)
@@ -96,6 +111,8 @@ class _MjcfWriter:
         self.elements[None] = world
         for body in self.bodies:
             self._body(body)
+        self._vanished()
+        self.shapes.finish(root)
         if self.mechanism.platform is not None:
             self._site(self.mechanism.platform, self.mechanism.platform, pin.SE3.Identity())
         if tied:
@@ -105,6 +122,7 @@ class _MjcfWriter:
             for name in self.motors:
                 self._motor(actuators, self.mechanism.joint(name))
         self._home(root, world)
+        self._custom(root)
         return root
 
     def _body(self, body: Body) -> None:
@@ -113,24 +131,69 @@ class _MjcfWriter:
             if name != self.mechanism.root:
                 raise UnsupportedError(f"link '{name}' moves, and MuJoCo reserves this name; rename the link")
             self.elements[name] = self.elements[None]
+            self._note_inertia(body.link, "MuJoCo's world is no body")
+            self.shapes.write(self.elements[name], body.link)
             return
         element = etree.SubElement(self.elements[body.parent], "body", name=name)
-        _place(element, body.placement)
+        place(element, body.placement)
         for joint, placement in body.joints:
             _write_joint(element, joint, placement)
             # A motor's own limit stands in its actuator.
             effort = joint.bounds.effort
             if joint.has_axis and joint.name not in self.motors and np.isfinite(effort).all() and any(effort):
                 element[-1].set("actuatorfrcrange", number_text(effort))
-        if body.link.inertia is not None and body.link.inertia.mass > 0:
-            _write_inertial(element, body.link.inertia)
+        if body.link.inertia is not None and not is_massless(body.link.inertia):
+            self._inertial(element, body.link.name, body.link.inertia)
+        else:
+            self._note_inertia(body.link, "MuJoCo has no body without mass")
+        self.shapes.write(element, body.link)
         self.elements[name] = element
+
+    def _inertial(self, element: etree._Element, name: str, inertia: pin.Inertia) -> None:
+        _write_inertial(element, inertia)
+        odd = broken_triangle(inertia.inertia)
+        if odd:
+            text = f"{odd}; MuJoCo refuses it, so the largest is written as the sum of the others"
+            self.notes.append(Note(f"link '{name}'", text, Outcome.CHANGED))
+
+    def _note_inertia(self, link: Link, why: str) -> None:
+        if link.inertia is not None:
+            self.notes.append(Note(f"link '{link.name}'", f"its inertia is left out: {why}"))
+
+    def _vanished(self) -> None:
+        """Note what of links and joints MuJoCo has no place for."""
+        bodies = {body.link.name for body in self.bodies}
+        for link in self.mechanism.links:
+            if link.name not in bodies:
+                text = "left out: it has no mass, and its joints act in a row in the next body"
+                self.notes.append(Note(f"link '{link.name}'", text))
+                self.shapes.leave_out(link)
+        for joint in self.mechanism.joints:
+            if joint.kind is JointKind.FIXED:
+                self.notes.append(
+                    Note(f"joint '{joint.name}'", "its name is left out: MuJoCo has no fixed joints")
+                )
+
+    def _custom(self, root: etree._Element) -> None:
+        """Write what MuJoCo has no word for, and hands on: which link is the platform, and limits of speed."""
+        custom = etree.Element("custom")
+        if self.mechanism.platform not in (None, PLATFORM):
+            etree.SubElement(custom, "text", name=PLATFORM, data=self.mechanism.platform)
+        if self.mechanism.assembled:
+            etree.SubElement(custom, "text", name=HOME, data=ASSEMBLED)
+        for joint in self.mechanism.joints:
+            speeds = np.atleast_1d(joint.velocity)
+            if joint.has_axis and np.isfinite(speeds).any():
+                values = number_text(np.clip(speeds, -UNLIMITED, UNLIMITED))
+                etree.SubElement(custom, "numeric", name=f"{SPEED}{joint.name}", data=values)
+        if len(custom):
+            root.append(custom)
 
     def _site(self, link: str, name: str, placement: pin.SE3) -> str:
         if name in self.sites:
             raise UnsupportedError(f"two sites would be called '{name}'; rename the loop or the platform")
         self.sites.add(name)
-        _place(etree.SubElement(self.elements[link], "site", name=name), placement)
+        place(etree.SubElement(self.elements[link], "site", name=name), placement)
         return name
 
     def _placements_at_zero(self) -> dict[str, pin.SE3]:
@@ -185,7 +248,7 @@ def _write_inertial(body: etree._Element, inertia: pin.Inertia) -> None:
     moments, axes = _principal(inertia.inertia)
     element = etree.SubElement(body, "inertial", pos=number_text(inertia.lever))
     if not np.array_equal(axes, np.eye(3)):
-        element.set("quat", _quaternion_text(axes))
+        element.set("quat", quaternion_text(axes))
     element.set("mass", number_text([inertia.mass]))
     element.set("diaginertia", number_text(moments))
 
@@ -213,15 +276,3 @@ def _coordinates(body: Body, joint: Joint, placement: pin.SE3, value: FloatArray
         return value[3], x, y, z
     pose = pin.SE3ToXYZQUAT(body.placement * pin.XYZQUATToSE3(value))
     return *pose[:3], pose[6], *pose[3:6]
-
-
-def _place(element: etree._Element, placement: pin.SE3) -> None:
-    if placement.translation.any():
-        element.set("pos", number_text(placement.translation))
-    if not np.array_equal(placement.rotation, np.eye(3)):
-        element.set("quat", _quaternion_text(placement.rotation))
-
-
-def _quaternion_text(rotation: FloatArray) -> str:
-    x, y, z, w = pin.Quaternion(rotation).coeffs()
-    return number_text([w, x, y, z])

@@ -21,13 +21,15 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Outcome
 from stewart_pin.model.formats.sdf.axes import Axis
 from stewart_pin.model.formats.sdf.couplings import is_gearbox, read_gearbox, read_mimics
+from stewart_pin.model.formats.sdf.elements import SdfReader
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope
 from stewart_pin.model.formats.sdf.joints import SdfJoint, ends, link_pose, read_joint
 from stewart_pin.model.formats.sdf.models import open_document
+from stewart_pin.model.formats.sdf.shapes import SHAPE_TAGS, read_shapes
 from stewart_pin.model.formats.sdf.tree import grow_tree
 from stewart_pin.model.validation import keep_odd_inertias
 
-_INERTIA = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 _PLATFORM = "platform"
 
 
@@ -129,7 +131,10 @@ def _link(scope: Scope, element: etree._Element, weightless: list[str], floating
     name = scope.prefix + reader.name(element)
     owner = f"link '{name}'"
     reader.note_strangers(
-        element, owner, {"pose", "inertial", "gravity", "kinematic", "must_be_base_link"}, ("name",)
+        element,
+        owner,
+        {"pose", "inertial", "gravity", "kinematic", "must_be_base_link", *SHAPE_TAGS},
+        ("name",),
     )
     if reader.flag(element, "kinematic", owner):
         raise UnsupportedError(
@@ -140,11 +145,17 @@ def _link(scope: Scope, element: etree._Element, weightless: list[str], floating
         weightless.append(name)
     if reader.flag(element, "must_be_base_link", owner):
         floating.add(name)
+    itself = ("__link__", reader.name(element))
+    visuals, collisions = (read_shapes(reader, element, tag, owner, itself) for tag in SHAPE_TAGS)
+    return Link(name, _inertia(reader, element, owner), visuals, collisions)
+
+
+def _inertia(reader: SdfReader, element: etree._Element, owner: str) -> pin.Inertia:
     inertial = reader.optional(element, "inertial", owner)
     if inertial is None:
         # What the format's parsers assume.
         reader.note(owner, "has no <inertial>: 1 kg, 1 kg m² about every axis", Outcome.KEPT)
-        return Link(name, pin.Inertia(1.0, np.zeros(3), np.eye(3)))
+        return pin.Inertia(1.0, np.zeros(3), np.eye(3))
     if reader.flag(inertial, "auto", owner, attribute=True) or reader.children(inertial, "density"):
         raise UnsupportedError(
             f"{reader.path}: {owner} (line {inertial.sourceline}) has its <inertial> computed from its shapes; write "
@@ -160,8 +171,8 @@ def _link(scope: Scope, element: etree._Element, weightless: list[str], floating
     entries = reader.optional(inertial, "inertia", owner)
     matrix = np.eye(3)
     if entries is not None:
-        reader.note_strangers(entries, owner, set(_INERTIA))
-        for key, (i, j) in _INERTIA.items():
+        reader.note_strangers(entries, owner, set(_ENTRIES))
+        for key, (i, j) in _ENTRIES.items():
             matrix[i, j] = matrix[j, i] = reader.number(entries, key, owner, "1" if i == j else "0")
     placement, relative_to = reader.pose(inertial, owner)
     if relative_to:
@@ -174,7 +185,7 @@ def _link(scope: Scope, element: etree._Element, weightless: list[str], floating
     # Set afterwards: the constructor refuses negative moments with an error that names nothing.
     inertia = pin.Inertia(mass, placement.translation, np.zeros((3, 3)))
     inertia.inertia = (turned + turned.T) / 2
-    return Link(name, inertia)
+    return inertia
 
 
 def _joints(scope: Scope) -> list[SdfJoint]:

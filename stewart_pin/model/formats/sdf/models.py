@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from lxml import etree
 
-from stewart_pin.errors import UnsupportedError
+from stewart_pin.errors import FileFormatError, StewartPinError, UnsupportedError
 from stewart_pin.model.description import Note
 from stewart_pin.model.formats.sdf.elements import SdfReader
 from stewart_pin.model.formats.sdf.frames import Scope, check_names
+from stewart_pin.model.formats.sdf.included import IncludedFiles
 from stewart_pin.model.formats.xml import read_xml, shown_tag
 
 _OLDEST, _NEWEST = (1, 4), (1, 12)
@@ -69,18 +69,28 @@ def open_document(path: Path) -> SdfDocument:
     FileFormatError
         If the file is broken, or holds no model, or several.
     UnsupportedError
-        If it includes a model that stands elsewhere than in a file beside it.
+        If it includes a model that stands elsewhere than in the folder of the file.
     """
-    return _Opener().document(path)
+    return _Opener(path).document()
+
+
+@dataclass(frozen=True)
+class _Glance:
+    """What a model of a world is at first sight: whether it has joints, and whether it stands still."""
+
+    has_joints: bool
+    is_static: bool
 
 
 class _Opener:
-    def __init__(self) -> None:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.library = IncludedFiles(path.parent)
         self.notes: list[Note] = []
         self.count = 0
 
-    def document(self, path: Path) -> SdfDocument:
-        reader, root, version = self._open(path)
+    def document(self) -> SdfDocument:
+        reader, root, version = self._open(self.path)
         worlds, models = reader.children(root, "world"), reader.children(root, "model")
         if len(worlds) + len(models) != 1:
             names = ", ".join(f"'{element.get('name', '')}'" for element in [*worlds, *models])
@@ -121,6 +131,7 @@ class _Opener:
         around = Scope(reader, world, "", version)
         _enter_frames(around)
         chosen, others = self._robot(reader, world, owner)
+        self.count = 0
         for element in others:
             reader.note(owner, f"<{shown_tag(element)}> '{_title(element)}': another model")
         if shown_tag(chosen) == "include":
@@ -141,18 +152,63 @@ class _Opener:
     def _robot(
         self, reader: SdfReader, world: etree._Element, owner: str
     ) -> tuple[etree._Element, list[etree._Element]]:
-        """Choose the one model of a world, or the only one that has joints."""
+        """Choose the only model of a world that has joints, or else the only one that is not static."""
         inside = [e for e in world.iterchildren(etree.Element) if shown_tag(e) in ("model", "include")]
-        jointed = [e for e in inside if any(j.getparent().tag == "model" for j in e.iter("joint"))]
-        candidates = jointed if len(jointed) == 1 else inside
+        closed: dict[etree._Element, str] = {}
+        glances: dict[etree._Element, _Glance] = {}
+        for element in inside:
+            self.count = 0
+            try:
+                glances[element] = self._glance(reader, element, 0)
+            except StewartPinError as error:  # a sun or a house of a simulator's library is no robot
+                closed[element] = str(error)
+        jointed = [e for e, glance in glances.items() if glance.has_joints]
+        moving = [e for e in inside if e in closed or not glances[e].is_static]
+        candidates = next(
+            (
+                found
+                for found in ([e for e in jointed if e in moving], jointed, moving, inside)
+                if len(found) == 1
+            ),
+            jointed or moving or inside,
+        )
         if len(candidates) != 1:
             names = ", ".join(f"'{_title(element)}'" for element in candidates) or "none"
+            why = "".join(f"; {closed[element]}" for element in candidates if element in closed)
             raise reader.error(
                 f"{owner} has not one model that may be the robot, but: {names}; load the file of the robot alone, or "
-                "remove the others",
+                f"remove the others{why}",
                 owner,
             )
         return candidates[0], [element for element in inside if element is not candidates[0]]
+
+    def _glance(self, reader: SdfReader, element: etree._Element, depth: int) -> _Glance:
+        """Look whether a model, or one that it nests or includes, has joints; a file is opened, and nothing noted."""
+        self.count += 1
+        if depth > _DEPTH or self.count > _MODELS:
+            raise self._too_many(reader, element)
+        owner = f"<{shown_tag(element)}> '{_title(element)}'"
+        static = reader.flag(element, "static", owner)
+        if shown_tag(element) == "include":
+            path = self.library.find(reader, reader.content(element, "uri", owner), owner)
+            inner = SdfReader(path, [])
+            models = inner.children(read_xml(path), "model")
+            glances = [self._glance(inner, model, depth + 1) for model in models]
+            # What <include> says of it comes before what the model says.
+            if not reader.children(element, "static"):
+                static = any(glance.is_static for glance in glances)
+            return _Glance(any(glance.has_joints for glance in glances), static)
+        inside = [e for e in element.iterchildren(etree.Element) if shown_tag(e) in ("model", "include")]
+        jointed = any(reader.children(element, tag) for tag in ("joint", "drake:joint"))
+        return _Glance(jointed or any(self._glance(reader, e, depth + 1).has_joints for e in inside), static)
+
+    @staticmethod
+    def _too_many(reader: SdfReader, element: etree._Element) -> FileFormatError:
+        return reader.error(
+            f"more than {_MODELS} models, or more than {_DEPTH} inside each other, at line "
+            f"{element.sourceline}; do files include each other?",
+            "<model>",
+        )
 
     def _model(
         self,
@@ -165,11 +221,7 @@ class _Opener:
     ) -> Scope:
         self.count += 1
         if depth > _DEPTH or self.count > _MODELS:
-            raise reader.error(
-                f"more than {_MODELS} models, or more than {_DEPTH} inside each other, at line "
-                f"{element.sourceline}; do files include each other?",
-                "<model>",
-            )
+            raise self._too_many(reader, element)
         name = reader.name(element)
         owner = f"model '{name}'"
         static = reader.flag(element, "static", owner) or (parent is not None and parent.static)
@@ -211,7 +263,7 @@ class _Opener:
         reader.note_strangers(
             element, owner, {"uri", "name", "pose", "static", "placement_frame"}, ("merge",)
         )
-        inner, root, version = self._open(_beside(reader, uri, owner))
+        inner, root, version = self._open(self.library.find(reader, uri, owner))
         models = inner.children(root, "model")
         if len(models) != 1:
             raise inner.error(
@@ -255,26 +307,3 @@ def _refuse_joints_to(others: list[etree._Element], world: Scope) -> None:
 
 def _title(element: etree._Element) -> str:
     return (element.get("name") or element.findtext("name") or element.findtext("uri") or "").strip()
-
-
-def _beside(reader: SdfReader, uri: str, owner: str) -> Path:
-    """Find an included file: only beside the one that includes it."""
-    plain = uri.removeprefix("file://")
-    if "://" in plain or Path(plain).is_absolute():
-        raise UnsupportedError(
-            f"{reader.path}: {owner}: '{uri}' would be looked up in a simulator's model path; give the path of the "
-            "file relative to this one, or put its <model> here"
-        )
-    path = Path(reader.path).parent / plain
-    if not path.is_dir():
-        return path
-    # A folder says in model.config which file holds the model; the newest format comes last.
-    files: Iterable[etree._Element] = read_xml(path / "model.config").findall("sdf")
-
-    def age(element: etree._Element) -> list[int]:
-        return [int(part) if part.isdecimal() else 0 for part in element.get("version", "").split(".")]
-
-    newest = max(files, key=age, default=None)
-    if newest is None or not (newest.text or "").strip():
-        raise reader.error(f"{owner}: {path / 'model.config'} names no <sdf> file", uri)
-    return path / str(newest.text).strip()

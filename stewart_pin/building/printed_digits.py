@@ -1,0 +1,388 @@
+"""Mechanisms whose loops move only as far as the digits of their file allow.
+
+A planar, spherical or otherwise overconstrained loop needs axes that are exactly parallel, or meet in a point. Printed
+with few digits they are not: the loops close to these digits only, rows that depended on each other are independent,
+and the freedom is gone. The rank is then judged at the file's precision, the least singular values apart from the rest
+by a gap, and joints and loops are moved by the least that lets the loops close exactly, all along the motion: at many
+configurations U⊥ᵀ gap = 0, for the combinations U⊥ of rows that follow from the others. What results is an exact
+mechanism, of the freedom that was meant, proven at configurations that took no part; it is taken only where the moves
+are no larger than the digits explain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.building.home import keep_home, near_home, settle_home
+from stewart_pin.errors import MechanismError
+from stewart_pin.model.description import JointKind, Mechanism, Note, Outcome
+from stewart_pin.model.formats.precision import Precision
+from stewart_pin.model.tree import build_tree
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.newton import close_at_precision, displaced
+from stewart_pin.state.state import State
+from stewart_pin.tolerances import CLOSED, EPS
+from stewart_pin.typing import Configuration, FloatArray
+
+_COARSEST = 5e-3
+"""Largest gap that digits may explain unasked, in robot sizes and radians: beyond it a file is wrong, not coarse."""
+_MARGIN = 8.0
+"""How much more than all roundings together is forgiven: levers multiply them, and a short line between two points of a
+file, as of two balls that make a hinge, turns by more than its ends are off."""
+_EXACT = 1e-13
+"""Singular values below this are round-off of a mechanism whose numbers are exact."""
+_SAMPLES = 8
+"""Configurations along the motion, and as many for each of its freedoms, that join the equations at a time."""
+_PROBES = 2
+"""Configurations on which a mechanism that is exact at home is tried."""
+_ROUNDS = 4
+"""Times that configurations join."""
+_STEPS = 40
+"""Gauss-Newton steps between two times."""
+_LEAST = 1e4
+"""Factor of damping from which on a step is nothing."""
+_STRIDE = 0.6
+"""How far the next configuration is from the one before, in robot sizes and radians."""
+_FLOOR = 1e-10
+"""Share of the largest singular value that moves of places have for nothing: these leave the loops as they are."""
+_WANDERING = 0.4
+"""How far from straight on it goes, for each freedom."""
+_REGULAR = (0.02, 0.02, 0.1, 0.02, 0.3, 0.05, 0.02, 0.1)
+"""Share of its size at home that the smallest singular value of a configuration needs to have to be used: as far as
+possible along the motion first, since that tells moves apart best."""
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Where a joint or a loop is attached: `side` 0 for a joint, 1 or 2 for a frame of a loop."""
+
+    owner: str
+    side: int
+
+    def __str__(self) -> str:
+        return f"joint '{self.owner}'" if not self.side else f"loop '{self.owner}', frame {self.side}"
+
+
+def settle_printed(chain: ClosedChain, forgiven: float | Precision) -> ClosedChain:
+    """Close the loops at home, as exactly as the digits of the file allow.
+
+    Parameters
+    ----------
+    chain
+        Chain whose home is a guess.
+    forgiven
+        Largest gap and singular value that digits may have made, in robot sizes and radians; or the precision of the
+        file, of which they are found.
+
+    Returns
+    -------
+    ClosedChain
+        The same chain where its numbers are exact; else one whose joints and loops were moved by what the digits had
+        left open, with notes that tell it. Home closes every loop.
+
+    Raises
+    ------
+    MechanismError
+        As `settle_home`, where digits do not explain that the loops stay open.
+    """
+    places = _places(chain)
+    if isinstance(forgiven, Precision):
+        half_unit = max(forgiven.angle, forgiven.length / chain.length_scale)
+        forgiven = min(_COARSEST, _MARGIN * half_unit * np.sqrt(6 * max(1, len(places))))
+    if not (forgiven > 0 and chain.loops):
+        return settle_home(chain)
+    moved = _absorbed(chain, near_home(chain, forgiven, searching=False), places, forgiven)
+    if moved is not None:
+        return moved
+    try:
+        settled = settle_home(chain)
+    except MechanismError:
+        near = near_home(chain, forgiven, searching=True)
+        moved = None if near is None else _absorbed(chain, near, places, forgiven)
+        if moved is None:
+            raise
+        return moved
+    moved = _absorbed(chain, settled.q_home, places, forgiven)
+    return settled if moved is None else moved
+
+
+def _absorbed(
+    chain: ClosedChain, q: Configuration | None, places: Sequence[_Place], forgiven: float
+) -> ClosedChain | None:
+    """Move joints and loops so that the rank at the file's precision is the exact one; None where it is already."""
+    if q is None:
+        return None
+    home = close_at_precision(chain, q, forgiven)
+    rank = home.rank
+    values = np.linalg.svd(home.state.rows, compute_uv=False)
+    gap = home.state.largest_gap
+    if rank == chain.nc or gap > forgiven:
+        return None
+    spurious = values[rank:]
+    if max(gap, spurious.max(initial=0.0)) <= _EXACT:
+        # Home may be exact by its symmetry, and the motion not.
+        probe = _Walk(home.state, rank, forgiven, _REGULAR[0], np.random.default_rng(0)).on(chain, _PROBES)
+        if probe is None or _open(probe) <= CLOSED:
+            return None
+    rng, ease = np.random.default_rng(0), np.ones(6 * len(places))
+    for regular in _REGULAR:
+        walk = _Walk(home.state, rank, forgiven, regular, rng)
+        moved, states = chain, [home.state]
+        for number in range(_ROUNDS):
+            fresh = walk.on(moved)
+            if fresh is None:
+                return None
+            if moved is not chain and _open(fresh) <= CLOSED:
+                # Home has followed; Newton's method without the rank would drift where it is all but closed.
+                return keep_home(_told(chain, moved, places, forgiven, gap, spurious), states[0].q)
+            # From the start again: moves that closed a part of the motion lie in a narrow valley of those for the rest.
+            again = [
+                close_at_precision(chain, state.q, forgiven, rank=rank).state for state in states + fresh
+            ]
+            moved, states = _closing_everywhere(chain, again, rank, places, forgiven, ease)
+            walk.at = states[-1]
+            if _open(states) > CLOSED and number:
+                break
+        # Between two families of mechanisms no small move leads to either; unequal ones leave the middle.
+        ease = 10.0 ** rng.uniform(-1.0, 0.0, ease.size)
+    raise _undecided(chain, gap, spurious, "no near mechanism was found that keeps this freedom")
+
+
+def _undecided(chain: ClosedChain, gap: float, values: FloatArray, why: str) -> MechanismError:
+    freedoms = chain.nv - (min(chain.nc, chain.nv) - values.size)
+    return MechanismError(
+        f"the loops close to {gap:.2g} robot sizes or radians, and their rows have the singular value "
+        f"{values.max(initial=0.0):.2g}: by the digits of the file there are {freedoms} freedoms, by its numbers "
+        f"fewer, and {why}; print more digits, or let load take the numbers as they stand by closure_tolerance=1e-15",
+        path=chain.mechanism.source,
+        culprit="loops",
+    )
+
+
+class _Walk:
+    """Configurations along the motion, each near the one before, far from its singularities; seeded."""
+
+    def __init__(
+        self, home: State, rank: int, forgiven: float, regular: float, rng: np.random.Generator
+    ) -> None:
+        self.at, self.rank, self.forgiven = home, rank, forgiven
+        self.least = regular * _smallest(home, rank)
+        self.rng = rng
+        self.along = np.zeros(home.chain.nv)
+
+    def on(self, chain: ClosedChain, wanted: int = 0) -> list[State] | None:
+        """Take the next configurations, or say that the motion is none: rows that should repeat do not."""
+        freedoms = chain.nv - self.rank
+        wanted = wanted or _SAMPLES * (1 + freedoms)
+        found, stride = [], _STRIDE
+        state, along = chain.at(self.at.q), self.along
+        for _ in range(4 * wanted):
+            if len(found) == wanted or not freedoms:
+                break
+            basis = np.linalg.svd(state.rows)[2][self.rank :].T
+            ahead = basis.T @ along
+            way = ahead / max(float(np.linalg.norm(ahead)), 1e-3) + _WANDERING * self.rng.normal(
+                size=freedoms
+            )
+            step = basis @ way
+            step *= stride / np.abs(step).max()
+            closed = close_at_precision(chain, displaced(state, step).q, self.forgiven, rank=self.rank)
+            values = np.linalg.svd(closed.state.rows, compute_uv=False)
+            open_by = max(closed.state.largest_gap, values[self.rank :].max(initial=0.0))
+            if open_by > self.forgiven or values[: self.rank].min(initial=1.0) < self.least:
+                stride *= 0.6
+                if stride < _STRIDE / 6:  # a singularity stands in the way
+                    along, stride = -along, _STRIDE
+                continue
+            found.append(closed.state)
+            state, along, stride = closed.state, step / stride, _STRIDE
+        self.at, self.along = state, along
+        return found or (None if freedoms else [state])
+
+
+def _smallest(state: State, rank: int) -> float:
+    return float(np.linalg.svd(state.rows, compute_uv=False)[rank - 1]) if rank else 0.0
+
+
+def _closing_everywhere(
+    chain: ClosedChain,
+    states: Sequence[State],
+    rank: int,
+    places: Sequence[_Place],
+    forgiven: float,
+    ease: FloatArray,
+) -> tuple[ClosedChain, list[State]]:
+    """Move the places by the least that closes the loops at all states, which move along (Levenberg-Marquardt)."""
+    states = [chain.at(state.q) for state in states]
+    size, extra = _size(states), 1.0
+    matrix = right = np.zeros(0)
+    columns: list[FloatArray] = []
+    for _ in range(_STEPS):
+        if _open(states) <= CLOSED / 40 or extra > _LEAST:
+            break
+        if not columns:
+            columns = [_columns(state, places) for state in states]
+            left = [np.linalg.svd(state.rows)[0][:, rank:].T for state in states]
+            matrix = np.vstack([rows @ column for rows, column in zip(left, columns, strict=True)]) * ease
+            right = np.concatenate(
+                [rows @ state.relative_gap for rows, state in zip(left, states, strict=True)]
+            )
+        u, s, vt = np.linalg.svd(matrix, full_matrices=False)
+        # Damped by the size of the residual: the least moves, whatever the rank of these equations. Round-off, of
+        # size EPS in every one, may not move anything farther than digits reach.
+        damping = extra * float(np.linalg.norm(right)) + _FLOOR * s[0] + EPS * np.sqrt(right.size) / forgiven
+        moves = -ease * (vt.T @ ((s / (s**2 + damping**2)) * (u.T @ right)))
+        trial = _moved(chain, places, moves)
+        trials = [
+            _followed(trial, state, column @ moves, rank)
+            for state, column in zip(states, columns, strict=True)
+        ]
+        if _size(trials) < size:
+            chain, states, size, columns, extra = trial, trials, _size(trials), [], 1.0
+        else:
+            extra *= 10.0
+    return chain, states
+
+
+def _size(states: Sequence[State]) -> float:
+    return float(np.linalg.norm([state.relative_gap for state in states]))
+
+
+def _followed(chain: ClosedChain, state: State, opened: FloatArray, rank: int) -> State:
+    """Close the rows that are independent, at the moved places."""
+    u, s, vt = np.linalg.svd(state.rows)
+    step = -vt[:rank].T @ ((u[:, :rank].T @ (state.relative_gap + opened)) / s[:rank])
+    return displaced(chain.at(state.q), step)
+
+
+def _open(states: Sequence[State]) -> float:
+    return max(state.largest_gap for state in states)
+
+
+def _places(chain: ClosedChain) -> tuple[_Place, ...]:
+    """Places of the joints in loops, and of the frames of loops."""
+    found: list[_Place] = []
+    for joint in chain.mechanism.joints:
+        if joint.kind not in (JointKind.FIXED, JointKind.FLOATING):
+            entry = chain.model.joints[chain.model.getJointId(joint.name)].idx_v
+            if chain.loop_table.row_difference[:, entry].any():
+                found.append(_Place(joint.name, 0))
+    for loop in chain.loops:
+        found += [_Place(loop.name, 1), _Place(loop.name, 2)]
+    return tuple(found)
+
+
+def _columns(state: State, places: Sequence[_Place]) -> FloatArray:
+    """Rate of the gap per move of each place along and about its own axes, natural units: (nc, 6 n)."""
+    chain, table = state.chain, state.chain.loop_table
+    data = pin.Data(chain.model)
+    pin.forwardKinematics(chain.model, data, state.q)
+    numbers = {loop.name: k for k, loop in enumerate(chain.loops)}
+    sizes = chain.twist_sizes
+    blocks: list[FloatArray] = []
+    for place in places:
+        if place.side:
+            k = numbers[place.owner]
+            joint = (table.joint1 if place.side == 1 else table.joint2)[k]
+            rotation, translation = (
+                (table.rotation1[k], table.translation1[k])
+                if place.side == 1
+                else (table.rotation2[k], table.translation2[k])
+            )
+            placement = data.oMi[joint] * pin.SE3(rotation, translation)
+            sign = np.zeros(chain.nc)
+            sign[table.slices[k]] = -1.0 if place.side == 1 else 1.0
+        else:
+            joint = chain.model.getJointId(place.owner)
+            placement = data.oMi[chain.model.parents[joint]] * chain.model.jointPlacements[joint]
+            sign = table.row_difference[:, chain.model.joints[joint].idx_v]
+        blocks.append((state.row_wrenches @ placement.action) * sign[:, None] * sizes)
+    return np.hstack(blocks) / chain.row_sizes[:, None]
+
+
+def _moved(chain: ClosedChain, places: Sequence[_Place], moves: FloatArray) -> ClosedChain:
+    """Attach joints and loops elsewhere."""
+    by_place = {
+        place: pin.exp6(pin.Motion(move * chain.twist_sizes))
+        for place, move in zip(places, moves.reshape(-1, 6), strict=True)
+    }
+    still = pin.SE3.Identity()
+
+    def placed(placement: pin.SE3, place: _Place) -> pin.SE3:
+        return placement * by_place.get(place, still)
+
+    old = chain.mechanism
+    mechanism = replace(
+        old,
+        joints=tuple(
+            replace(joint, placement=placed(joint.placement, _Place(joint.name, 0)))
+            if _Place(joint.name, 0) in by_place
+            else joint
+            for joint in old.joints
+        ),
+        loops=tuple(
+            replace(
+                loop,
+                placement1=placed(loop.placement1, _Place(loop.name, 1)),
+                placement2=placed(loop.placement2, _Place(loop.name, 2)),
+            )
+            for loop in old.loops
+        ),
+    )
+    return _rebuilt(chain, mechanism)
+
+
+def _rebuilt(chain: ClosedChain, mechanism: Mechanism) -> ClosedChain:
+    moved = replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
+    # Sizes are of the file's numbers, not of digits: natural units stay the same from step to step.
+    for name in ("length_scale", "tangent_scale", "angle_mask", "row_sizes", "row_scale", "twist_sizes"):
+        moved.__dict__[name] = getattr(chain, name)
+    return moved
+
+
+def _told(
+    chain: ClosedChain,
+    moved: ClosedChain,
+    places: Sequence[_Place],
+    forgiven: float,
+    gap: float,
+    values: FloatArray,
+) -> ClosedChain:
+    """Add notes of what was moved, no more than digits explain."""
+    notes: list[Note] = []
+    total = 0.0
+    for place in places:
+        before, after = (_placement(one.mechanism, place) for one in (chain, moved))
+        move = before.inverse() * after
+        # The logarithm of a rotation is lost in round-off where the angle is below 1e-8.
+        turn = float(np.linalg.norm(pin.unSkew((move.rotation - move.rotation.T) / 2)))
+        shift = float(np.linalg.norm(move.translation))
+        total += (shift / chain.length_scale) ** 2 + turn**2
+        text = f"moved by {shift:.2g} m and turned by {turn:.2g} rad, as the loops need to keep their freedom"
+        notes.append(Note(str(place), text, Outcome.CHANGED))
+    if np.sqrt(total) > forgiven:
+        why = (
+            f"the nearest mechanism that has them is {np.sqrt(total):.2g} away, more than the digits explain"
+        )
+        raise _undecided(chain, gap, values, why)
+    freedoms = chain.nv - (min(chain.nc, chain.nv) - values.size)
+    shown = ", ".join(f"{value:.2g}" for value in values[:6]) + (", ..." if values.size > 6 else "")
+    summary = Note(
+        "loops",
+        f"close only to the digits of the file: the gap was {gap:.2g} robot sizes or radians at home, and the singular "
+        f"values {shown} were taken for digits; the mechanism has {freedoms} freedoms",
+        Outcome.CHANGED,
+    )
+    mechanism = moved.mechanism
+    return replace(moved, mechanism=replace(mechanism, notes=(*mechanism.notes, summary, *notes)))
+
+
+def _placement(mechanism: Mechanism, place: _Place) -> pin.SE3:
+    if not place.side:
+        return mechanism.joint(place.owner).placement
+    loop = next(loop for loop in mechanism.loops if loop.name == place.owner)
+    return loop.placement1 if place.side == 1 else loop.placement2

@@ -1,0 +1,115 @@
+"""How finely a file prints its geometry: what its last digits leave open.
+
+A number of four and more significant digits counts as rounded at its last digit; shorter ones count as meant.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+
+from lxml import etree
+
+from stewart_pin.model.formats.xml import read_xml, shown_tag
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(?:[eE]([-+]?\d+))?(?![\w.])")
+_ROUNDED = 4
+"""Significant digits from which on a number counts as rounded."""
+_EXACT = 15
+"""Decimals from which on a number is as fine as a float, or nothing but round-off."""
+
+_LENGTHS = frozenset({"xyz", "pos", "anchor", "xyz_offset", "proximal_to_common", "distal_to_common"})
+_ANGLES = frozenset({"rpy", "quat", "euler", "axis", "axis2", "axisangle", "xyaxes", "zaxis", "quat_xyzw"})
+_BOTH = frozenset({"relpose", "pose"})
+_ASIDE = frozenset(
+    {"inertial", "visual", "collision", "geom", "material", "asset", "mesh", "camera", "light", "sensor"}
+)
+"""Elements whose numbers place no joint."""
+
+
+@dataclass(frozen=True)
+class Precision:
+    """Half a unit of the last digit of the coarsest number.
+
+    Attributes
+    ----------
+    length
+        Of lengths [m]; 0 where they are exact.
+    angle
+        Of angles and directions [rad]; 0 where they are exact.
+    """
+
+    length: float = 0.0
+    angle: float = 0.0
+
+
+def printed_precision(path: Path, side_car: Path | None = None) -> Precision:
+    """Find how finely a file prints where joints and loops are attached.
+
+    Parameters
+    ----------
+    path
+        A file that has been read as a mechanism.
+    side_car
+        File of its loops, or None.
+
+    Returns
+    -------
+    Precision
+        What its digits leave open.
+    """
+    length = angle = 0.0
+    for kind, text, degrees in _texts(read_xml(path)):
+        numbers = [_half_unit(match) for match in _NUMBER.finditer(text)]
+        turned = [numbers[3:] if kind == "pose" else numbers if kind == "angle" else []][0]
+        shifted = [numbers[:3] if kind == "pose" else numbers if kind == "length" else []][0]
+        unit = radians(1.0) if degrees else 1.0
+        length = max([length, *shifted])
+        angle = max([angle, *(unit * number for number in turned)])
+    if side_car is not None and side_car.exists():
+        numbers = [_half_unit(match) for match in _NUMBER.finditer(side_car.read_text(errors="replace"))]
+        length, angle = max([length, *numbers]), max([angle, *numbers])
+    return Precision(length, angle)
+
+
+def _texts(root: etree._Element) -> Iterator[tuple[str, str, bool]]:
+    """Texts that place something: what they hold, the text, and whether its angles are degrees."""
+    in_degrees = shown_tag(root) == "mujoco" and not any(
+        element.get("angle") == "radian" for element in root.iter("compiler")
+    )
+    waiting = [root]
+    while waiting:
+        element = waiting.pop()
+        if not isinstance(element.tag, str) or shown_tag(element) in _ASIDE:
+            continue
+        waiting.extend(element)
+        for name, value in element.attrib.items():
+            if name in _LENGTHS:
+                # The axis of a joint is told as xyz as well.
+                kind = "angle" if shown_tag(element) in ("axis", "axis2") else "length"
+                yield kind, str(value), False
+            elif name in _ANGLES:
+                yield "angle", str(value), in_degrees and name == "euler"
+            elif name in _BOTH:
+                yield "pose", str(value), False
+        if shown_tag(element) == "pose":
+            quaternion = element.get("rotation_format") == "quat_xyzw"
+            yield "pose", element.text or "", element.get("degrees") == "true" and not quaternion
+        elif shown_tag(element) == "xyz":
+            yield "angle", element.text or "", False
+
+
+def _half_unit(number: re.Match[str]) -> float:
+    """Half a unit of the last digit of a number that is rounded, else 0."""
+    mantissa, exponent = number.group(1), int(number.group(2) or 0)
+    whole, _, fraction = mantissa.partition(".")
+    decimals = len(fraction) - exponent
+    significant = len((whole + fraction).lstrip("0"))
+    zero = not significant
+    rounded = significant >= _ROUNDED and len(fraction) > 0
+    if zero or not rounded or decimals >= _EXACT:
+        return 0.0
+    return 0.5 * 10.0**-decimals

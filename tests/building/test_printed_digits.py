@@ -1,0 +1,195 @@
+"""Loops that close only to the digits of their file keep the freedom that was meant, aloud."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.errors import InputError, MechanismError
+from stewart_pin.state.newton import rank_at_precision
+from tests.printed import half_unit, round_places, turned_frames
+from tests.zoo.table import ZOO, zoo_chain
+
+STYLES = ("4f", "5f", "6f", "7f", "9f", "12f", "17f", "5g", "6g", "9g")
+# How far an answer may be off per half unit: levers, lengths below one robot size, and neighbouring joints add up.
+HOME, EFFORT = 60.0, 600.0
+QUICK = ("crank_rocker", "parallel_cranks", "bennett", "sarrus", "spherical_4r", "door_on_two_hinges")
+OTHERS = tuple(
+    pytest.param(row.name, marks=pytest.mark.slow) for row in ZOO if row.excess and row.name not in QUICK
+)
+
+
+def rest_effort(chain: stp.ClosedChain, q: np.ndarray) -> np.ndarray:
+    rest = np.zeros(chain.nv)
+    return stp.inverse_dynamics(chain, q, rest, rest, throw=False).tau_motor
+
+
+def assert_the_same(printed: stp.ClosedChain, exact: stp.ClosedChain, style: str) -> None:
+    assert printed.generic.count == exact.generic.count
+    assert stp.mobility(printed).redundant_rows == stp.mobility(exact).redundant_rows
+    off = half_unit(style)
+    home = pin.difference(exact.model, exact.q_home, printed.q_home) / exact.tangent_scale
+    assert np.abs(home).max() <= HOME * off + 1e-12
+    # At home, and on the way: the same guess is closed by both.
+    step = 0.1 * np.random.default_rng(1).uniform(-1, 1, exact.nv) * exact.tangent_scale
+    closed = stp.close_loops(exact, pin.integrate(exact.model, exact.q_home, step)).q
+    followed = stp.close_loops(printed, closed)
+    assert followed.gap <= 1e-12 * max(1.0, printed.length_scale)
+    size = max(np.abs(rest_effort(exact, closed)).max(), np.abs(rest_effort(exact, exact.q_home)).max(), 1.0)
+    for q, theirs in ((exact.q_home, printed.q_home), (closed, followed.q)):
+        error = np.abs(rest_effort(printed, theirs) - rest_effort(exact, q)).max()
+        assert error <= EFFORT * off * size + 1e-9 * size
+
+
+@pytest.mark.parametrize("style", STYLES)
+@pytest.mark.parametrize("name", [*QUICK, *OTHERS])
+def test_overconstrained_loops_keep_their_freedom(name: str, style: str, tmp_path: Path) -> None:
+    exact = turned_frames(zoo_chain(name), seed=3)
+    path = tmp_path / "printed.urdf"
+    stp.export(exact, path)
+    round_places(path, style)
+    assert_the_same(stp.load(path, gravity=exact.gravity), exact, style)
+
+
+@pytest.mark.parametrize("style", ["4f", "6f", "9f"])
+@pytest.mark.parametrize("format", ["drake", "isaac", "gepetto", "mjcf"])
+@pytest.mark.parametrize("name", ["crank_rocker", "bennett"])
+def test_every_dialect_keeps_them(name: str, format: str, style: str, tmp_path: Path) -> None:
+    exact = stp.loops_by_balls(turned_frames(zoo_chain(name), seed=4))
+    path = tmp_path / ("printed.xml" if format == "mjcf" else "printed.urdf")
+    stp.export(exact, path, format=format)
+    for file in tmp_path.iterdir():
+        round_places(file, style)
+    printed = stp.load(path, gravity=exact.gravity)
+    assert printed.generic.count == exact.generic.count
+    right = rest_effort(exact, exact.q_home)
+    error = np.abs(rest_effort(printed, printed.q_home) - right).max()
+    assert error <= EFFORT * half_unit(style) * max(1.0, np.abs(right).max())
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_middle_between_two_families_is_left(seed: int, tmp_path: Path) -> None:
+    # Two balls a hinge, as Drake has it: near Sarrus' linkage several families of mobile linkages meet.
+    exact = stp.loops_by_balls(turned_frames(zoo_chain("sarrus"), seed=seed))
+    path = tmp_path / "printed.xml"
+    stp.export(exact, path, format="mjcf")
+    round_places(path, "6f")
+    assert stp.load(path).generic.count == exact.generic.count
+
+
+CRANK = '<origin xyz="0 0 0" rpy="{} 0 0"/>'
+BALL = (
+    '<loop name="end" type="spherical"><predecessor link="coupler"><origin xyz="0.3 0.1 0"/></predecessor>'
+    '<successor link="platform"><origin xyz="0 0 0.2"/></successor></loop>'
+)
+HINGE = (
+    '<loop name="end" type="revolute"><predecessor link="coupler"><origin xyz="0.3 0.1 0"/></predecessor>'
+    '<successor link="platform"><origin xyz="0 0 0.2" rpy="{} 0 0"/></successor><axis xyz="0 0 1"/></loop>'
+)
+
+
+def bars(angle: str, closing: str) -> str:
+    """Write a four-bar in the x-z plane that is closed where all joints are zero; its crank is turned about x."""
+
+    def link(name: str, centre: str, mass: float, inertia: float) -> str:
+        return (
+            f'<link name="{name}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/><inertia ixx="{inertia}" '
+            f'iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        )
+
+    def hinge(name: str, ends: tuple[str, str], origin: str, axis: str, driven: str = "") -> str:
+        parent, child = ends
+        return (
+            f'<joint name="{name}" type="continuous"{driven}><parent link="{parent}"/><child link="{child}"/>{origin}'
+            f'<axis xyz="{axis}"/></joint>'
+        )
+
+    return (
+        '<robot name="bars"><link name="base"/>'
+        + link("crank", "0.05 0 0", 0.3, 4e-4)
+        + link("coupler", "0.15 0 0", 0.5, 4e-3)
+        + link("platform", "0 0 0.1", 0.4, 2e-3)
+        + hinge("motor", ("base", "crank"), CRANK.format(angle), "0 0 1", ' independent="true"')
+        + hinge("pin", ("crank", "coupler"), '<origin xyz="0.1 0.05 0"/>', "0 0 1")
+        + hinge("rocker", ("base", "platform"), '<origin xyz="0.4 0 -0.05"/>', "0 -1 0")
+        + closing.format(angle)
+        + "</robot>"
+    )
+
+
+def crank_effort() -> float:
+    """Find the effort of the crank by the rate at which the weights rise, from velocities in the plane."""
+
+    def turning(rate: float, arm: np.ndarray) -> np.ndarray:
+        return rate * np.array([arm[1], -arm[0]])  # (x, z) velocity of a point at `arm`, spun about y
+
+    b, c, d = np.array([0.1, 0.05]), np.array([0.4, 0.15]), np.array([0.4, -0.05])
+    coupler, rocker = np.linalg.solve(
+        np.column_stack([turning(1, c - b), -turning(1, c - d)]), -turning(1, b)
+    )
+    first = 0.3 * turning(1, np.array([0.05, 0]))[1]
+    second = 0.5 * (turning(1, b) + turning(coupler, np.array([0.15, 0])))[1]
+    third = 0.4 * turning(rocker, np.array([0, 0.1]))[1]
+    return -9.81 * (first + second + third)  # the crank's own axis points along -y
+
+
+@pytest.mark.parametrize("closing", [BALL, HINGE], ids=["ball", "hinge"])
+@pytest.mark.parametrize("angle", ["1.571", "1.5708", "1.570796", "1.570796327", "1.5707963267949"])
+def test_a_right_angle_of_few_digits(angle: str, closing: str, tmp_path: Path) -> None:
+    path = tmp_path / "bars.urdf"
+    path.write_text(bars(angle, closing))
+    chain = stp.load(path)
+    off = abs(float(angle) - np.pi / 2)
+    assert stp.mobility(chain).dof == 1
+    np.testing.assert_allclose(chain.q_home, 0, atol=10 * off + 1e-12)
+    # Standard gravity here, 9.81 there.
+    tau = rest_effort(chain, chain.q_home)[0] * 9.81 / np.linalg.norm(chain.gravity)
+    np.testing.assert_allclose(tau, crank_effort(), atol=10 * off + 1e-9)
+
+
+def test_the_report_tells_what_was_moved(tmp_path: Path) -> None:
+    path = tmp_path / "bars.urdf"
+    path.write_text(bars("1.5708", HINGE))
+    text = str(stp.load(path).report)
+    assert "close only to the digits of the file: the gap was 2.7e-06" in text
+    assert "singular values" in text and "the mechanism has 1 freedoms" in text
+    assert "joint 'rocker'" in text and "loop 'end', frame 2" in text and "rad, as the loops need" in text
+    path.write_text(bars("1.570796326794897", HINGE))
+    assert "digits" not in str(stp.load(path).report)
+
+
+def test_what_is_forgiven_may_be_said(tmp_path: Path) -> None:
+    path = tmp_path / "bars.urdf"
+    path.write_text(bars("1.5708", HINGE))
+    with pytest.raises(MechanismError, match=r"the loops do not close, the smallest gap found is 5.49e-07"):
+        stp.load(path, closure_tolerance=1e-8)
+    # Three digits explain nothing unasked: short numbers are meant as they stand.
+    path.write_text(bars("1.57", HINGE))
+    with pytest.raises(MechanismError, match="the loops do not close"):
+        stp.load(path)
+    assert stp.mobility(stp.load(path, closure_tolerance=5e-3)).dof == 1
+    with pytest.raises(InputError, match="closure_tolerance must be"):
+        stp.load(path, closure_tolerance=-1.0)
+
+
+def test_a_bent_loop_is_no_matter_of_digits(tmp_path: Path) -> None:
+    path = tmp_path / "bars.urdf"
+    path.write_text(bars("1.5608", HINGE))  # 0.01 rad off, a hundred times what five digits explain
+    with pytest.raises(MechanismError, match="the loops do not close"):
+        stp.load(path)
+
+
+def test_exact_numbers_are_not_moved() -> None:
+    for row in ZOO:
+        assert "digits" not in str(zoo_chain(row.name).report)
+
+
+def test_ranks_are_told_by_a_gap_whose_lower_edge_rounding_explains() -> None:
+    assert rank_at_precision(np.array([2.0, 0.5, 3e-6, 1e-9]), 1e-5) == 2
+    assert rank_at_precision(np.array([2.0, 0.5, 3e-4]), 1e-5) == 3
+    assert rank_at_precision(np.array([1e-6]), 1e-5) == 0
+    assert rank_at_precision(np.zeros(0), 1e-5) == 0

@@ -1,0 +1,69 @@
+"""The same mechanism in another file: its frames turned so that every number has digits, and few of them printed."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from scipy.spatial.transform import Rotation
+
+import stewart_pin as stp
+from stewart_pin.building.loading import build_chain
+
+_NUMBER = re.compile(r"-?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
+_PLACES = re.compile(r'((?:xyz|rpy|pos|quat|axis|anchor|relpose)=")([^"]*)"')
+
+
+def turned_frames(chain: stp.ClosedChain, seed: int) -> stp.ClosedChain:
+    """Turn the frame of every moving link; home has to be zero, and is again."""
+    rng, old = np.random.default_rng(seed), chain.described()
+    turn = {link.name: pin.SE3(Rotation.random(rng=rng).as_matrix(), np.zeros(3)) for link in old.links}
+    turn[old.root] = pin.SE3.Identity()
+    mechanism = replace(
+        old,
+        links=tuple(
+            link if link.inertia is None else replace(link, inertia=turn[link.name].actInv(link.inertia))
+            for link in old.links
+        ),
+        joints=tuple(
+            replace(
+                joint,
+                placement=turn[joint.parent].inverse() * joint.placement * turn[joint.child],
+                axis=turn[joint.child].rotation.T @ joint.axis,
+            )
+            for joint in old.joints
+        ),
+        loops=tuple(
+            replace(
+                loop,
+                placement1=turn[loop.link1].inverse() * loop.placement1,
+                placement2=turn[loop.link2].inverse() * loop.placement2,
+            )
+            for loop in old.loops
+        ),
+        home={},
+    )
+    return build_chain(mechanism, motors=chain.motors, platform=chain.platform, gravity=chain.gravity)
+
+
+def round_places(path: Path, style: str) -> None:
+    """Print the numbers of a file that place something in a style: ``"6f"`` six decimals, ``"6g"`` six digits."""
+
+    def shorter(found: re.Match[str]) -> str:
+        return f"{float(found[0]):.{style}}"
+
+    text = path.read_text()
+    if path.suffix == ".yaml":
+        text = re.sub(r"-?\d+\.\d+(?:e[-+]?\d+)?", shorter, text)
+    else:
+        text = _PLACES.sub(lambda found: f'{found[1]}{_NUMBER.sub(shorter, found[2])}"', text)
+    path.write_text(text)
+
+
+def half_unit(style: str) -> float:
+    """How far a number below ten is from what was meant, at most."""
+    decimals = int(style[:-1]) - (style[-1] == "g")
+    return 0.5 * 10.0**-decimals
