@@ -25,6 +25,7 @@ from stewart_pin.building.from_hexapod import hexapod_chain as hexapod_chain
 from stewart_pin.building.hexapod_bodies import hexapod_bodies as hexapod_bodies
 from stewart_pin.building.hexapod_inertias import hexapod_inertias as hexapod_inertias
 from stewart_pin.building.hexapod_table import read_hexapod as read_hexapod
+from stewart_pin.building.limits import with_limits as with_limits
 from stewart_pin.building.loading import load as load
 from stewart_pin.building.locking import lock_joints as lock_joints
 from stewart_pin.building.loops_by_balls import loops_by_balls as loops_by_balls
@@ -155,6 +156,7 @@ from stewart_pin.mechanics.singularity import Screw as Screw
 from stewart_pin.mechanics.singularity import Singularity as Singularity
 from stewart_pin.mechanics.singularity import SingularityKind as SingularityKind
 from stewart_pin.mechanics.singularity import classify_singularity as classify_singularity
+from stewart_pin.model.limits import Limits as Limits
 from stewart_pin.motion.accelerograms import Accelerogram as Accelerogram
 from stewart_pin.motion.accelerograms import accelerogram as accelerogram
 from stewart_pin.motion.accelerograms import correct_baseline as correct_baseline
@@ -168,6 +170,7 @@ from stewart_pin.motion.control import SampledController as SampledController
 from stewart_pin.motion.earthquakes import earthquake_motion as earthquake_motion
 from stewart_pin.motion.earthquakes import response_spectrum as response_spectrum
 from stewart_pin.motion.earthquakes import synthetic_accelerogram as synthetic_accelerogram
+from stewart_pin.motion.limits import limits_exceeded as limits_exceeded
 from stewart_pin.motion.motor_demand import MotorDemand as MotorDemand
 from stewart_pin.motion.motor_demand import motor_demand as motor_demand
 from stewart_pin.motion.profiles import chirp_motion as chirp_motion
@@ -190,6 +193,7 @@ from stewart_pin.state.freedom import FreedomCount as FreedomCount
 from stewart_pin.state.generic import generic_freedom as generic_freedom
 from stewart_pin.state.geometry_parameters import GeometryParameter as GeometryParameter
 from stewart_pin.state.geometry_parameters import geometry_parameters as geometry_parameters
+from stewart_pin.state.limits import Excess as Excess
 from stewart_pin.state.loop_verbs import loop_bias as loop_bias
 from stewart_pin.state.loop_verbs import loop_gap as loop_gap
 from stewart_pin.state.loop_verbs import loop_jacobian as loop_jacobian

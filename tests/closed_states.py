@@ -58,7 +58,7 @@ def configuration(name: str, pose: str) -> np.ndarray:
             # All motors by the same share of the robot's size: symmetric robots stay so.
             step = 0.1 * chain.tangent_scale[chain.motor_index]
             moved = stp.forward_kinematics(
-                chain, stp.motor_positions(chain, chain.q_home) + step, throw=False
+                chain, stp.motor_positions(chain, chain.q_home) + step, limits=False, throw=False
             )
             return moved.q if moved.success else chain.q_home
         case _:

@@ -8,9 +8,10 @@ at most as much as the position does, which makes the volume bounds below rigoro
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 from scipy import ndimage
 
 from stewart_pin.checks import as_array, as_positive
@@ -18,10 +19,14 @@ from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths, leg_vectors
 from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.kernels.hexapod_lengths import lengths_at
+from stewart_pin.mechanics.kinematics import inverse_kinematics
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _ACROSS = 60
 """Points across the widest direction, when no spacing is given."""
+_FEWER = 20
+"""The same where each point is asked of the whole chain."""
 _MOST = 20_000_000
 _CHUNK = 200_000
 """Points that are evaluated at once: 100 MB of Jacobians."""
@@ -42,7 +47,8 @@ class WorkspaceSamples:
     position
         (N, 3) platform origins, in the base frame [m].
     inside
-        (N,) of bool: whether all legs are within their stroke [dimensionless].
+        (N,) of bool: whether all legs are within their stroke, and the other joints of a chain within their limits
+        [dimensionless].
     clearance
         (N,) least distance of a leg length from a limit, negative outside [m].
     limiting_leg
@@ -67,7 +73,8 @@ class WorkspaceSamples:
     volume_error
         Standard error of `volume`, as if one random point decided for each cell that the boundary cuts [m³].
     volume_bounds
-        Volume of the cells that are inside as a whole, and of those that are not outside as a whole [m³].
+        Volume of the cells that are inside as a whole, and of those that are not outside as a whole; where other joints
+        have limits, the first is 0, since points do not prove it [m³].
     pieces
         Number of separate parts with a hundredth of the points or more each; single cells on sharp edges do not count.
     length
@@ -111,10 +118,10 @@ class WorkspaceSamples:
 
 
 def sample_workspace(
-    hexapod: Hexapod,
+    hexapod: Hexapod | ClosedChain,
     rotation: ArrayLike,
     *,
-    stroke: tuple[float, float],
+    stroke: ArrayLike | None = None,
     sheet: str = "upper",
     spacing: float | None = None,
     length: float | None = None,
@@ -125,16 +132,19 @@ def sample_workspace(
     Parameters
     ----------
     hexapod
-        Geometry.
+        Geometry; or a chain of six legs, in the world frame, whose limits then count: of the strokes unless others are
+        given, and of passive joints and joints that close loops, for which `inverse_kinematics` is asked at every point
+        inside the strokes, from its neighbour on.
     rotation
         (3, 3) platform axes in the base frame.
     stroke
-        Least and greatest leg length [m].
+        (2,) least and greatest leg length, or (6, 2) of each leg; default: what a chain states [m].
     sheet
         ``"upper"``: the mean of the platform points above that of the base points (along base z); ``"lower"``: below;
         or ``"both"``.
     spacing
-        Distance of the points; default: a sixtieth of the widest extent [m].
+        Distance of the points; default: a sixtieth of the widest extent, where other joints of a chain have limits a
+        twentieth [m].
     length
         Length that divides the moments of the Jacobian; default: root mean square distance of the platform points
         from the platform origin [m].
@@ -149,22 +159,22 @@ def sample_workspace(
     Raises
     ------
     InputError
-        If the stroke is empty, or the spacing asks for more than twenty million points.
+        If the stroke is empty or not stated, or the spacing asks for more than twenty million points.
     """
     rotation = as_rotation("rotation", as_array("rotation", rotation, (3, 3)))
-    low, high = as_array("stroke", stroke, (2,))
-    if not 0 <= low < high:
-        raise InputError(
-            f"stroke must be (least, greatest) leg length with 0 <= least < greatest, got ({low:g}, {high:g})"
-        )
+    chain = hexapod if isinstance(hexapod, ClosedChain) else None
+    joints = chain is not None and _others_limited(chain)
+    if isinstance(hexapod, ClosedChain):
+        hexapod = Hexapod.from_chain(hexapod)
+    strokes = _strokes(chain, stroke)
     if sheet not in ("upper", "lower", "both"):
         raise InputError(f"sheet must be 'upper', 'lower' or 'both', got {sheet!r}")
     radius = float(np.sqrt((hexapod.platform_points**2).sum(axis=1).mean())) or 1.0
     length = radius if length is None else as_positive("length", length)
-    bounds = _bounds(hexapod, rotation, (low, high), sheet)
+    bounds = _bounds(hexapod, rotation, strokes, sheet)
     extent = bounds[1] - bounds[0]
     if spacing is None:
-        spacing = max(float(extent.max()), np.finfo(float).tiny) / _ACROSS
+        spacing = max(float(extent.max()), np.finfo(float).tiny) / (_FEWER if joints else _ACROSS)
     spacing = as_positive("spacing", spacing)
     cells = np.ceil(np.maximum(extent, 0.0) / spacing - 1e-9)
     if cells.prod() > _MOST:
@@ -178,14 +188,76 @@ def sample_workspace(
         start[2] = bounds[1, 2] - cells[2] * spacing
     shape = tuple(int(n) for n in cells)
     lengths = lengths_at(hexapod, rotation, int(cells.prod()), kernels)
-    return _evaluate(hexapod, rotation, lengths, (low, high), start, bounds, shape, spacing, length)
+    samples = _evaluate(hexapod, rotation, lengths, strokes, start, bounds, shape, spacing, length)
+    return _judged(chain, rotation, samples) if chain is not None and joints else samples
+
+
+def _strokes(chain: ClosedChain | None, stroke: ArrayLike | None) -> FloatArray:
+    """Least and greatest length of each leg (6, 2) [m]."""
+    if stroke is not None:
+        strokes = np.asarray(stroke, dtype=float)
+        strokes = np.broadcast_to(as_array("stroke", stroke, (6, 2) if strokes.ndim == 2 else (2,)), (6, 2))
+    elif chain is not None:
+        sign, offset = chain.leg_readings
+        ends = offset[:, None] + sign[:, None] * chain.limits.bounds("position", chain.motor_index)
+        strokes = np.sort(ends, axis=1)
+        strokes[:, 0] = np.maximum(strokes[:, 0], 0.0)
+        if not np.isfinite(strokes).all():
+            endless = chain.motors[int(np.argmax(~np.isfinite(strokes).all(axis=1)))]
+            raise InputError(
+                f"motor '{endless}' of '{chain.name}' states no stroke; pass stroke=(least, greatest)"
+            )
+    else:
+        raise InputError("stroke must be (least, greatest) leg length: points alone state none")
+    for low, high in strokes:
+        if not 0 <= low < high:
+            raise InputError(
+                f"stroke must be (least, greatest) leg length with 0 <= least < greatest, got ({low:g}, {high:g})"
+            )
+    return strokes
+
+
+def _others_limited(chain: ClosedChain) -> bool:
+    return bool(np.setdiff1d(chain.limits.stated("position"), chain.motor_index).size)
+
+
+def _judged(chain: ClosedChain, rotation: FloatArray, samples: WorkspaceSamples) -> WorkspaceSamples:
+    """Leave out the points at which other joints than the motors are beyond their limits."""
+    inside = samples.inside.copy()
+    before, guess = None, None
+    for k in np.flatnonzero(inside):
+        here = samples.index[k]
+        if before is None or np.abs(here - before).max() > 1:
+            guess = None
+        pose = pin.SE3(rotation, samples.position[k])
+        closure = inverse_kinematics(chain, pose, q_guess=guess, limits=False, throw=False)
+        own = closure.success and not [
+            excess for excess in chain.judge.positions(closure.q) if excess.joint not in chain.motors
+        ]
+        inside[k] = own
+        before, guess = (here, closure.q) if closure.success else (None, None)
+    filled = np.zeros(samples.shape, dtype=bool)
+    filled[tuple(samples.index[inside].T)] = True
+    return replace(
+        samples,
+        inside=inside,
+        volume=float(np.count_nonzero(inside) * samples.spacing**3),
+        volume_error=float(np.sqrt(1.5 * _cut(filled) / 6.0) * samples.spacing**3),
+        volume_bounds=(0.0, samples.volume_bounds[1]),
+        pieces=_pieces(filled),
+    )
+
+
+def _cut(filled: np.ndarray) -> int:
+    """Cells on either side of the boundary, about as many as it cuts."""
+    return int(np.count_nonzero(filled & np.logical_not(ndimage.binary_erosion(filled))))
 
 
 def _evaluate(
     hexapod: Hexapod,
     rotation: FloatArray,
     lengths: Callable[[FloatArray], FloatArray],
-    stroke: tuple[float, float],
+    stroke: FloatArray,
     start: FloatArray,
     bounds: FloatArray,
     shape: tuple[int, ...],
@@ -241,10 +313,10 @@ def _pieces(filled: np.ndarray) -> int:
     return int(np.count_nonzero(sizes >= 0.01 * sizes.sum()))
 
 
-def _bounds(hexapod: Hexapod, rotation: FloatArray, stroke: tuple[float, float], sheet: str) -> FloatArray:
+def _bounds(hexapod: Hexapod, rotation: FloatArray, stroke: FloatArray, sheet: str) -> FloatArray:
     """Box around the workspace: what the outer spheres have in common, less the cells that are certainly empty."""
     centres = hexapod.base_points - hexapod.platform_points @ rotation.T
-    box = np.array([(centres - stroke[1]).max(axis=0), (centres + stroke[1]).min(axis=0)])
+    box = np.array([(centres - stroke[:, 1:]).max(axis=0), (centres + stroke[:, 1:]).min(axis=0)])
     between = float(centres[:, 2].mean())
     if sheet == "upper":
         box[0, 2] = max(box[0, 2], between)
@@ -265,9 +337,9 @@ def _bounds(hexapod: Hexapod, rotation: FloatArray, stroke: tuple[float, float],
     return box
 
 
-def _clearance(lengths: FloatArray, stroke: tuple[float, float]) -> tuple[FloatArray, np.ndarray, np.ndarray]:
+def _clearance(lengths: FloatArray, stroke: FloatArray) -> tuple[FloatArray, np.ndarray, np.ndarray]:
     """Least distance of a leg length from a limit, the leg, and the end of its stroke."""
-    ends = np.concatenate([lengths - stroke[0], stroke[1] - lengths], axis=-1)
+    ends = np.concatenate([lengths - stroke[:, 0], stroke[:, 1] - lengths], axis=-1)
     worst = ends.argmin(axis=-1)
     clearance = np.take_along_axis(ends, worst[:, None], axis=-1)[:, 0]
     return clearance, worst % 6, np.where(worst < 6, -1, 1)

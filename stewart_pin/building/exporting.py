@@ -55,7 +55,8 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> Re
         - ``"mjcf"``: for MuJoCo, whose loops are soft constraints: mass matrix and bias of its tree are exact, its
           accelerations are not.
 
-        All but the first and the last write couplings as ``<mimic>``, which has to be linear.
+        All but the first and the last write couplings as ``<mimic>``, which has to be linear. Limits of joints that
+        close loops stand in the first alone, and limits of balls in the first and, of the angle, in the last.
 
     Returns
     -------

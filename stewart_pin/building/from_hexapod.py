@@ -10,7 +10,7 @@ import pinocchio as pin
 from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY, Hexapod
-from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
+from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
 from stewart_pin.state.chain import ClosedChain, as_pose
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -34,6 +34,8 @@ def hexapod_chain(
     base: pin.Inertia | None = None,
     effort: float = inf,
     velocity: float = inf,
+    swing: float = _SWING,
+    ball_swing: float = inf,
     home: pin.SE3 | None = None,
     name: str = "hexapod",
     gravity: ArrayLike = STANDARD_GRAVITY,
@@ -64,6 +66,11 @@ def hexapod_chain(
         Largest motor force [N].
     velocity
         Largest leg rate [m/s].
+    swing
+        How far each axis of the lower joint turns to either side from where the leg stands up straight, or hangs
+        [rad].
+    ball_swing
+        How far the leg swings in the ball at the platform from where it stands at home [rad].
     home
         Platform frame in the world at home; default: level, its points centred above the base points, so high that
         the mean leg length is in the middle of the stroke.
@@ -81,7 +88,7 @@ def hexapod_chain(
     Raises
     ------
     InputError
-        If the joint type is unknown, the stroke is empty, or a leg has no length at home.
+        If the joint type is unknown, the stroke is empty, a swing is not above zero, or a leg has no length at home.
     MechanismError
         If an inertia is unphysical, or home stands beyond the stroke or the swing of a leg.
     """
@@ -91,6 +98,9 @@ def hexapod_chain(
         if not isinstance(inertia, pin.Inertia) and not (argument == "base" and inertia is None):
             raise InputError(f"{argument} must be a pinocchio.Inertia, got {type(inertia).__name__}")
     low, high = read_stroke(stroke)
+    for argument, value in (("swing", swing), ("ball_swing", ball_swing)):
+        if not value > 0:
+            raise InputError(f"{argument} must be an angle above zero, got {value!r}")
     pose = pin.SE3(np.eye(3), default_home(hexapod, low, high)) if home is None else as_pose("home", home)
     axes = (_X, _Y) if lower_joint == "universal" else (_X, _Y, _Z)
     links = [Link("base", base), Link("platform", platform)]
@@ -106,7 +116,7 @@ def hexapod_chain(
         children = [*parents[1:], f"{leg}_lower"]
         for k, (joint, axis) in enumerate(zip(names, axes, strict=True)):
             placement = pin.SE3(np.eye(3), foot) if k == 0 else pin.SE3.Identity()
-            limit = 2 * np.pi if k == 2 else _SWING
+            limit = 2 * np.pi if k == 2 else swing
             # A leg that hangs stands half a turn from one that stands up.
             middle = np.pi if k == 0 and pose.act(head)[2] < foot[2] else 0.0
             joints.append(
@@ -126,7 +136,9 @@ def hexapod_chain(
         loops.append(
             Loop(
                 f"{leg}_ball", JointKind.SPHERICAL, "platform", f"{leg}_upper",
-                pin.SE3(np.eye(3), head), pin.SE3.Identity(),
+                pin.SE3(np.eye(3) if np.isinf(ball_swing) else _along(pose.rotation.T @ (pose.act(head) - foot)), head),
+                pin.SE3.Identity(),
+                bounds=() if np.isinf(ball_swing) else (Bounds(position=(-inf, ball_swing)), Bounds()),
             )
         )  # fmt: skip
         values |= _leg_values(names, leg, pose.act(head) - foot)
@@ -164,6 +176,12 @@ def read_stroke(stroke: tuple[float, float]) -> tuple[float, float]:
             f"stroke must be (least, greatest) leg length with 0 <= least < greatest, got {stroke!r}"
         )
     return low, high
+
+
+def _along(direction: FloatArray) -> FloatArray:
+    """Axes of a ball whose z lies along a direction, turned the shortest way (3, 3)."""
+    size = float(np.linalg.norm(direction))
+    return pin.Quaternion.FromTwoVectors(_Z, direction / size).toRotationMatrix() if size else np.eye(3)
 
 
 def _too_long(

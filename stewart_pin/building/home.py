@@ -11,7 +11,8 @@ from scipy.optimize import lsq_linear
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import JointKind, Note, Outcome
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.configurations import clipped, limit_violations, random_configuration, unwound
+from stewart_pin.state.configurations import clipped, random_configuration, unwound
+from stewart_pin.state.limits import Excess
 from stewart_pin.state.newton import Closure, close_at_precision, displaced, polish
 from stewart_pin.state.state import State
 from stewart_pin.tolerances import CLOSED
@@ -34,7 +35,7 @@ _ENOUGH = 1e-6
 
 
 def settle_home(chain: ClosedChain) -> ClosedChain:
-    """Close the loops at home.
+    """Close the loops at home; the report tells which joints without a coordinate are beyond their limits there.
 
     The description's home is closed by the shortest way. Joints that it does not name are searched for: from the
     neutral configuration moved inside the joint limits, by bounded least squares, and then from seeded random ones,
@@ -56,8 +57,18 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
     MechanismError
         If the loops do not close, or only beyond the joint limits, or with a loop's axes against each other.
     """
-    if chain.mechanism.assembled:
-        return _settle_assembled(chain)
+    settled = _settle_assembled(chain) if chain.mechanism.assembled else _settle(chain)
+    beyond = settled.judge.positions(settled.q_home, slack=_CLOSED_IN_FILE)
+    names = settled.limits.names[chain.nv :]
+    notes = [
+        Note(f"joint '{excess.joint}'", f"home is beyond its limits: {excess}", Outcome.KEPT)
+        for excess in beyond
+        if excess.joint in names
+    ]
+    return settled.with_home(settled.q_home, *notes) if notes else settled
+
+
+def _settle(chain: ClosedChain) -> ClosedChain:
     given = _named_entries(chain)
     guess = _alone_inside(chain, home_guess(chain), given)
     direct = polish(chain, guess)
@@ -141,12 +152,12 @@ def _settle_assembled(chain: ClosedChain) -> ClosedChain:
             path=chain.mechanism.source,
             culprit="home",
         )
-    outside = limit_violations(chain, start.q, _CLOSED_IN_FILE)
+    outside = _outside(chain, start.q)
     if not outside:
         return chain.with_home(start.q)
-    q = _carry_inside(chain, start.q, list(outside))
-    found = limit_violations(chain, q, _CLOSED_IN_FILE)
-    worst = next(iter(outside))
+    q = _carry_inside(chain, start.q, [excess.joint for excess in outside])
+    found = _outside(chain, q)
+    worst = outside[0].joint
     text = f"home: the pose of the file is beyond the limits of {len(outside)} joints; " + (
         "they were moved inside" if not found else "the loops let them no further, and it stays there"
     )
@@ -166,7 +177,7 @@ def _carry_inside(chain: ClosedChain, q: Configuration, joints: list[str]) -> Co
         if not closure.success:
             return q
         q = closure.q
-        if not limit_violations(chain, q, _CLOSED_IN_FILE):
+        if not _outside(chain, q):
             return q
     return q
 
@@ -340,7 +351,7 @@ def _bounded(
     if closed is None or _moved(chain, guess, closed, given):
         return None
     q = np.where(_in_configuration(chain, entries & ~given), unwound(chain, closed), closed)
-    return None if limit_violations(chain, q, _CLOSED_IN_FILE, np.flatnonzero(entries)) else q
+    return None if _outside(chain, q, np.flatnonzero(entries)) else q
 
 
 def _closed_group(
@@ -428,6 +439,13 @@ def _with_home(chain: ClosedChain, q: Configuration) -> ClosedChain:
 
 
 def _beyond_limits(chain: ClosedChain, q: Configuration) -> str:
-    for name, (value, lower, upper) in limit_violations(chain, q, _CLOSED_IN_FILE).items():
-        return f"joint '{name}' would stand at {value:.6g}, beyond its limits {lower:.6g} to {upper:.6g}"
+    for excess in _outside(chain, q):
+        least, most = excess.allowed
+        return f"joint '{excess.joint}' would stand at {excess.value:.6g}, beyond its limits {least:.6g} to {most:.6g}"
     return ""
+
+
+def _outside(chain: ClosedChain, q: Configuration, entries: np.ndarray | None = None) -> tuple[Excess, ...]:
+    """List joints of the tree beyond their ranges; a home with few digits may be so by what it lacks."""
+    looked_at = np.arange(chain.nv) if entries is None else entries
+    return chain.judge.positions(q, slack=_CLOSED_IN_FILE, entries=looked_at)

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import JointKind, Loop
+from stewart_pin.model.description import JointKind, Loop, Note
 from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import FloatArray
@@ -52,7 +52,13 @@ def loops_by_balls(chain: ClosedChain, *, distance: float | None = None) -> Clos
     """
     apart = as_positive("distance", _SHARE * chain.length_scale if distance is None else distance)
     loops = tuple(ball for loop in chain.loops for ball in _balls(loop, apart))
-    return replace(chain, mechanism=replace(chain.mechanism, loops=loops))
+    lost = tuple(
+        Note(f"loop '{loop.name}'", "its limits: the balls that stand for it have other coordinates")
+        for loop in chain.loops
+        if loop.bounds and loop.kind is not JointKind.SPHERICAL
+    )
+    notes = (*chain.mechanism.notes, *lost)
+    return replace(chain, mechanism=replace(chain.mechanism, loops=loops, notes=notes))
 
 
 def _balls(loop: Loop, distance: float) -> list[Loop]:
@@ -78,6 +84,7 @@ def _balls(loop: Loop, distance: float) -> list[Loop]:
             kind=JointKind.SPHERICAL,
             placement1=loop.placement1 * shift,
             placement2=loop.placement2 * shift,
+            bounds=(),
         )
         for number, shift in enumerate(shifts, start=1)
     ]

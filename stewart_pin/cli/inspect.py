@@ -44,6 +44,7 @@ def inspect(
     )
     couplings = [f"{x.name}: {x.joint1} follows {x.joint2 or 'none'}" for x in chain.couplings]
     table.add_row("couplings", "\n".join(couplings) or "none")
+    table.add_row("limits", str(chain.limits))
     table.add_row("degrees of freedom", f"{report.dof}, {_seen(report)}")
     table.add_row("home singular", _home(report))
     table.add_row("idle freedoms", "\n".join(report.idle) or "none")

@@ -120,9 +120,8 @@ def _spatial(chain: ClosedChain, lengths: str | None) -> tuple[dict[str, Any], A
 
 def _stroke(chain: ClosedChain) -> tuple[float, float] | None:
     """Least and greatest leg length that the motors share, or None where they differ or have none."""
-    joints = [chain.mechanism.joint(name) for name in chain.motors]
     sign, offset = chain.leg_readings
-    ends = offset + sign * np.array([[joint.lower for joint in joints], [joint.upper for joint in joints]])
+    ends = offset + sign * chain.limits.bounds("position", chain.motor_index).T
     low, high = ends.min(axis=0), ends.max(axis=0)
     if not np.isfinite(ends).all() or np.ptp(low) > _SAME or np.ptp(high) > _SAME:
         return None

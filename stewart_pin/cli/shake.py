@@ -91,13 +91,14 @@ def _summarise(ground: Accelerogram, axis: str, scale: float, fit: FitReport) ->
         "margin": fit.margin,
         "binding": None if fit.binding is None else asdict(fit.binding),
         "at_full_scale": [asdict(binding) for binding in fit.unscaled],
+        "looked_at": {kind: list(names) for kind, names in fit.looked_at.items()},
     }
 
 
 def _print(figures: dict[str, Any]) -> None:
     table = Table(title=f"{figures['robot']}: {figures['record']} along {figures['axis']}")
-    for heading in ("limit", "motor", "at [s]", "asked for", "allowed", "use"):
-        table.add_column(heading, justify="left" if heading in ("limit", "motor") else "right")
+    for heading in ("limit", "joint", "at [s]", "asked for", "allowed", "use"):
+        table.add_column(heading, justify="left" if heading in ("limit", "joint") else "right")
     for limit in figures["at_full_scale"]:
         numbers = (
             f"{limit['time']:.3f}",
@@ -110,6 +111,8 @@ def _print(figures: dict[str, Any]) -> None:
     nearest = "" if binding is None else f"; nearest limit then: {binding['limit']} of {binding['motor']}"
     table.caption = (
         f"at scale {figures['scale_asked']:g}; all limits hold, with a margin of {figures['margin']:g}, at scale "
-        f"{figures['scale_fitted']:.4g}{nearest}"
+        f"{figures['scale_fitted']:.4g}{nearest}; looked at: "
+        + ", ".join(f"{kind} of {len(names)}" for kind, names in figures["looked_at"].items())
+        + " joints"
     )
     console.print(table)

@@ -85,7 +85,14 @@ def sweep(
     motion = partial(_shaken, axis=axis, instants=instants)
     with _told_how_to_go_on(journal), _workers(workers) as executor, progress_bar() as report:
         found = sweep_demand(
-            chain, motion, axes, kernels=kernels, executor=executor, journal=journal, progress=report
+            chain,
+            motion,
+            axes,
+            kernels=kernels,
+            limits=True,
+            executor=executor,
+            journal=journal,
+            progress=report,
         )
     figures = {"robot": chain.name, "axis": axis, "instants": instants, **summarise(chain, found)}
     _print(chain, found, figures)
@@ -155,8 +162,12 @@ def summarise(chain: ClosedChain, found: Sweep) -> dict[str, Any]:
     return {
         "axes": {name: values.tolist() for name, values in found.axes.items()},
         "motors": list(chain.motors),
-        "results": {name: _with_none(values.tolist()) for name, values in found.results.items()},
-        "within_limits": int(_within_limits(chain, found).sum()) if found.results else 0,
+        "results": {
+            name: _with_none(values.tolist())
+            for name, values in found.results.items()
+            if name != "within_limits"
+        },
+        "within_limits": int(np.nansum(found["within_limits"])) if found.results else 0,
         "points": int(np.prod(found.shape)),
         "failures": [
             {**failed.point, "error": failed.error, "message": failed.message} for failed in found.failures
@@ -169,17 +180,6 @@ def _with_none(values: Any) -> Any:
     if isinstance(values, list):
         return [_with_none(value) for value in values]
     return None if np.isnan(values) else values
-
-
-def _within_limits(chain: ClosedChain, found: Sweep) -> np.ndarray:
-    """Mark the points at which no motor leaves its stroke, rate or effort."""
-    model, q, v = chain.model, chain.motor_q_index, chain.motor_index
-    within = found["lowest_position"] >= model.lowerPositionLimit[q]
-    within &= found["highest_position"] <= model.upperPositionLimit[q]
-    for name, limit in (("peak_rate", model.velocityLimit), ("peak_effort", model.effortLimit)):
-        # A file that gives no limit gives zero or infinity.
-        within &= (found[name] <= limit[v]) | ~(limit[v] > 0)
-    return within.all(axis=-1)
 
 
 def _units(chain: ClosedChain) -> dict[str, str]:
@@ -214,7 +214,8 @@ def _print(chain: ClosedChain, found: Sweep, figures: dict[str, Any]) -> None:
         row = f"{label} [{units[name]}]", least, greatest, chain.motors[motor], *place
         table.add_row(*map(escape, row))
     table.caption = (
-        f"{figures['within_limits']} of {figures['points']} points are within the limits of the file."
+        f"{figures['within_limits']} of {figures['points']} points are within the limits of the file, passive joints "
+        "included."
     )
     console.print(table)
     if found.failures:

@@ -28,7 +28,7 @@ def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike, rank:
     load
         (dof,) what the motions need [N, N m].
     limit
-        (nu,) or one number: largest absolute effort, inf for none [N or N m].
+        (nu, 2) least and greatest effort; or (nu,) or one number: largest absolute effort; inf for none [N or N m].
     rank
         Number of independent rows of the share.
 
@@ -40,7 +40,7 @@ def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike, rank:
     Raises
     ------
     InputError
-        If a limit is negative, no number, or of another shape.
+        If a limit is negative, no number, empty, or of another shape.
     ConvergenceError
         If no efforts within the limits carry the load.
     """
@@ -54,10 +54,10 @@ def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike, rank:
     qp.settings.eps_abs = _ACCURACY
     qp.settings.max_iter = 10_000
     # No limit is one far beyond what any least-norm solution would use.
-    box = np.minimum(bound / size, _UNLIMITED)
-    qp.init(np.eye(nu), np.zeros(nu), rows, goal, np.eye(nu), -box, box)
+    least, most = np.clip(bound / size, -_UNLIMITED, _UNLIMITED).T
+    qp.init(np.eye(nu), np.zeros(nu), rows, goal, np.eye(nu), least, most)
     qp.solve()
-    efforts = _polished(qp.results.x, rows, goal, box)
+    efforts = _polished(qp.results.x, rows, goal, least, most)
     left = float(np.abs(rows @ efforts - goal).max(initial=0.0))
     if qp.results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED or left > _CARRIED:
         raise ConvergenceError(
@@ -69,23 +69,34 @@ def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike, rank:
 
 
 def _bounds(limit: ArrayLike, nu: int) -> FloatArray:
+    """Least and greatest efforts (nu, 2)."""
     try:
-        bound = np.broadcast_to(np.asarray(limit, dtype=float), (nu,))
+        bound = np.asarray(limit, dtype=float)
+        if bound.shape != (nu, 2):
+            bound = np.broadcast_to(bound, (nu,))
     except (TypeError, ValueError):
         raise InputError(
-            f"effort_limit must be a number or have shape ({nu},), got {np.shape(limit)} of {type(limit).__name__}"
+            f"effort_limit must be a number or have shape ({nu},), got {np.shape(limit)} of {type(limit).__name__}; "
+            f"with the least efforts first, ({nu}, 2)"
         ) from None
+    if bound.ndim == 2:
+        if not (bound[:, 0] <= bound[:, 1]).all():
+            raise InputError(f"effort_limit must have the least effort first, got {bound.tolist()}")
+        return bound
     if not (bound >= 0).all():
         raise InputError(f"effort_limit must be 0 or more (inf: no limit), got {np.min(bound):g}")
-    return bound
+    return bound[:, None] * [-1.0, 1.0]
 
 
-def _polished(efforts: FloatArray, rows: FloatArray, goal: FloatArray, box: FloatArray) -> FloatArray:
+def _polished(
+    efforts: FloatArray, rows: FloatArray, goal: FloatArray, least: FloatArray, most: FloatArray
+) -> FloatArray:
     """Put efforts at a limit exactly there and solve for the others: round-off instead of the solver's accuracy."""
-    held = np.abs(efforts) > box - _AT_LIMIT
-    exact = np.where(held, np.copysign(box, efforts), 0.0)
+    low, high = efforts < least + _AT_LIMIT, efforts > most - _AT_LIMIT
+    held = low | high
+    exact = np.where(low, least, np.where(high, most, 0.0))
     exact[~held] = np.linalg.lstsq(rows[:, ~held], goal - rows @ exact, rcond=None)[0]
-    fits = (np.abs(exact) <= box * (1 + 1e-12)).all() and np.abs(exact - efforts).max(
-        initial=0.0
-    ) < 10 * _AT_LIMIT
-    return np.clip(exact if fits else efforts, -box, box)
+    slack = 1e-12 * np.maximum(np.abs(least), np.abs(most))
+    fits = ((exact >= least - slack) & (exact <= most + slack)).all()
+    fits = fits and np.abs(exact - efforts).max(initial=0.0) < 10 * _AT_LIMIT
+    return np.clip(exact if fits else efforts, least, most)

@@ -10,7 +10,7 @@ import pinocchio as pin
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.configurations import limit_violations, random_configuration, unwound
+from stewart_pin.state.configurations import random_configuration, unwound
 from stewart_pin.state.newton import Closure, solve
 from stewart_pin.state.paths import motor_path
 from stewart_pin.state.state import State
@@ -95,7 +95,7 @@ def all_forward_kinematics(
         guess = chain.q_home if start == 0 else random_configuration(chain, rng)
         closure = solve(chain, guess, system)
         closure = replace(closure, state=State(chain, unwound(chain, closure.q)))
-        if not closure.success or (limits and limit_violations(chain, closure.q, _SAME)):
+        if not closure.success or (limits and chain.judge.positions(closure.q, slack=_SAME)):
             continue
         mark = _placements(chain, closure.q, told_apart)
         for k, (other, _) in enumerate(found):

@@ -19,6 +19,7 @@ from stewart_pin.errors import InputError
 from stewart_pin.mechanics.bounded_efforts import bounded_efforts
 from stewart_pin.mechanics.constraint_matrix.solution import constraint_matrix_inverse_dynamics
 from stewart_pin.mechanics.effort import Effort
+from stewart_pin.model.limits import Limits
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
 from stewart_pin.state.state import Drive, State, as_state
@@ -35,7 +36,7 @@ def inverse_dynamics(
     a: ArrayLike | None = None,
     *,
     method: Method = "pinocchio",
-    effort_limit: ArrayLike | None = None,
+    effort_limit: ArrayLike | Limits | None = None,
     throw: bool = True,
 ) -> Effort:
     """Compute the motor efforts that make a chain move as asked.
@@ -54,8 +55,8 @@ def inverse_dynamics(
         ``"pinocchio"``: RNEA and the loop Jacobian. ``"constraint_matrix"``: all bodies in maximal coordinates, an
         independent check.
     effort_limit
-        (nu,) or one number: largest absolute motor effort; redundant motors then share within it, method
-        ``"pinocchio"`` only [N or N m].
+        (nu,) or one number: largest absolute motor effort; (nu, 2): least and greatest one; or ``chain.limits``, what
+        the chain states. Redundant motors then share within it, method ``"pinocchio"`` only [N or N m].
     throw
         Whether motors that cannot hold the robot are an error. Otherwise ``"pinocchio"`` keeps the demanded motion,
         with efforts by least squares and what they leave over in ``residual``; ``"constraint_matrix"`` keeps the
@@ -138,7 +139,7 @@ def _by_drive(state: State, drive: Drive, a: Tangent) -> Effort:
     )
 
 
-def _by_motions(state: State, a: Tangent, effort_limit: ArrayLike | None) -> Effort:
+def _by_motions(state: State, a: Tangent, effort_limit: ArrayLike | Limits | None) -> Effort:
     """Split the equation of motion by the motions that keep the loops closed."""
     chain, freedom, usual = state.chain, state.freedom, state.chain.generic
     needed, a = _let_idle_go(state, a, freedom.idle)
@@ -147,6 +148,8 @@ def _by_motions(state: State, a: Tangent, effort_limit: ArrayLike | None) -> Eff
     if effort_limit is None:
         tau_motor = least_norm(share, load, freedom.count.motor)
     else:
+        if isinstance(effort_limit, Limits):
+            effort_limit = effort_limit.bounds("effort", chain.motor_index)
         tau_motor = bounded_efforts(share, load, effort_limit, freedom.count.motor)
     needed[chain.motor_index] -= tau_motor
     lambda_c = least_reactions(state, needed)

@@ -13,7 +13,6 @@ from stewart_pin.checks import as_array
 from stewart_pin.errors import ClosureError, SingularityError, UnreachableError
 from stewart_pin.mechanics.forward_solutions import ForwardSolutions, all_forward_kinematics
 from stewart_pin.state.chain import ClosedChain, as_pose
-from stewart_pin.state.configurations import limit_violations
 from stewart_pin.state.freedom import TWIST_AXES, Motions, split_motions
 from stewart_pin.state.newton import Closure, close_loops
 from stewart_pin.state.paths import follow_path, motor_path, pose_path
@@ -24,8 +23,6 @@ from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 _getrf, _gecon, _getrs = get_lapack_funcs(("getrf", "gecon", "getrs"), dtype=np.float64)
 _CONSISTENT = 1e-8
 """Part of a demanded motion that may be left over by round-off, relative to its size."""
-_AT_LIMIT = 1e-9
-"""Excess over a joint limit that is still round-off, in robot sizes or radians."""
 _ALONG = 1e-6
 """Part of a twist beside an axis that is round-off of a configuration with closed loops, in natural units."""
 _FAR_FROM_SINGULAR = 1e-4
@@ -117,7 +114,7 @@ def inverse_kinematics(
     closure = follow_path(start, pose_path(start, pose))
     if not closure.success and throw:
         closure.or_raise(_said_of_platform(start))
-    return _within_limits(closure, throw=throw) if limits else closure
+    return within_limits(closure, "the pose is", throw=throw) if limits else closure
 
 
 @overload
@@ -126,16 +123,20 @@ def forward_kinematics(
     q_motor: ArrayLike,
     *,
     q_guess: ArrayLike | None = None,
+    limits: bool = True,
     throw: bool = True,
     all: Literal[False] = False,
 ) -> Closure: ...
 @overload
-def forward_kinematics(chain: ClosedChain, q_motor: ArrayLike, *, all: Literal[True]) -> ForwardSolutions: ...
+def forward_kinematics(
+    chain: ClosedChain, q_motor: ArrayLike, *, limits: bool = True, all: Literal[True]
+) -> ForwardSolutions: ...
 def forward_kinematics(
     chain: ClosedChain,
     q_motor: ArrayLike,
     *,
     q_guess: ArrayLike | None = None,
+    limits: bool = True,
     throw: bool = True,
     all: bool = False,
 ) -> Closure | ForwardSolutions:
@@ -152,6 +153,9 @@ def forward_kinematics(
         (nu,) motor positions in the order of ``chain.motors`` [m or rad].
     q_guess
         (nq,) configuration to start from [m, rad, unit quaternions]; default: home.
+    limits
+        Whether joint limits must hold, as for `inverse_kinematics`: those of the motors asked for, of passive joints
+        and of joints that close loops. Without them the geometry alone answers.
     throw
         Whether failure raises; otherwise it is returned with ``success=False``.
     all
@@ -170,15 +174,19 @@ def forward_kinematics(
     ClosureError
         If the loops do not close on these motor positions, or the path to them ends at a singularity; carries the
         residual reached.
+    UnreachableError
+        If a joint limit is exceeded; names the joints and their values.
     """
     chain.require_motors()
     target = as_array("q_motor", q_motor, (chain.nu,))
     if all:
-        return all_forward_kinematics(chain, target)
+        return all_forward_kinematics(chain, target, limits=limits)
     start = _start(chain, q_guess)
     path = motor_path(start, target)
     closure = follow_path(start, path)
-    return closure.or_raise(path.demand) if throw else closure
+    if not closure.success:
+        return closure.or_raise(path.demand) if throw else closure
+    return within_limits(closure, "the motor positions are", throw=throw) if limits else closure
 
 
 def platform_motion(
@@ -364,17 +372,38 @@ def _freedoms_in_words(state: State) -> str:
     return f" (the platform '{state.chain.platform}' has {count} freedom{'s' * (count != 1)}{axes})"
 
 
-def _within_limits(closure: Closure, *, throw: bool) -> Closure:
+def within_limits(closure: Closure, demand: str, *, throw: bool) -> Closure:
+    """Let a solution pass if the limits of its joints hold.
+
+    Parameters
+    ----------
+    closure
+        Solution, or how near it came.
+    demand
+        What was asked for, with its verb.
+    throw
+        Whether an excess raises; otherwise it is returned with ``success=False``.
+
+    Returns
+    -------
+    Closure
+        The solution.
+
+    Raises
+    ------
+    UnreachableError
+        If a limit does not hold; names the joints and their values.
+    """
     if not closure.success:
         return closure
-    violations = limit_violations(closure.state.chain, closure.q, _AT_LIMIT)
-    if not violations:
+    excesses = closure.state.chain.judge.positions(closure.q)
+    if not excesses:
         return closure
-    listed = "; ".join(f"'{n}' at {x:.6g}, allowed {a:.6g} to {b:.6g}" for n, (x, a, b) in violations.items())
+    listed = "; ".join(map(str, excesses))
     if throw:
         raise UnreachableError(
-            f"the pose is out of reach, joints exceed their limits: {listed}; choose another pose, or limits=False",
-            violations=violations,
+            f"{demand} out of reach, joints exceed their limits: {listed}; ask for another, or limits=False",
+            violations={excess.joint: (excess.value, *excess.allowed) for excess in excesses},
             residual=closure.gap,
             iterations=closure.iterations,
             q=closure.q,

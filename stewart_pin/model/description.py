@@ -46,8 +46,68 @@ TREE_KINDS = (
 LOOP_KINDS = tuple(kind for kind in JointKind if kind is not JointKind.FLOATING)
 """Kinds that the closure of a loop may have."""
 
+BALL = ("swing", "angle")
+"""Coordinates of a ball that can be limited: the angle between its axis in both frames, and that of its whole turn."""
+
+_LOOP_COORDINATES = {
+    JointKind.REVOLUTE: ("angle",),
+    JointKind.PRISMATIC: ("length",),
+    JointKind.POINT_ON_LINE: ("length",),
+    JointKind.CYLINDRICAL: ("length", "angle"),
+    JointKind.UNIVERSAL: ("angle 1", "angle 2"),
+    JointKind.SPHERICAL: BALL,
+    JointKind.PLANAR: ("x", "y", "angle"),
+}
+
+
+def loop_coordinates(kind: JointKind) -> tuple[str, ...]:
+    """Name the coordinates that the closure of a loop has, in the order of its bounds.
+
+    Parameters
+    ----------
+    kind
+        One of `LOOP_KINDS`.
+
+    Returns
+    -------
+    tuple of str
+        Lengths are called ``length``, ``x`` or ``y``; the others are angles. None for rigid closures and distances.
+    """
+    return _LOOP_COORDINATES.get(kind, ())
+
+
 AXIS_FREE_LOOPS = (JointKind.FIXED, JointKind.SPHERICAL, JointKind.DISTANCE)
 """Kinds of loops whose meaning does not depend on an axis."""
+
+
+Span = tuple[float, float]
+"""Least and greatest value, infinite where nothing is stated."""
+_NONE: Span = (-inf, inf)
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What one coordinate may do, (least, greatest) each; infinite where nothing is stated.
+
+    Attributes
+    ----------
+    position
+        Position [m or rad].
+    velocity
+        Velocity [m/s or rad/s].
+    acceleration
+        Acceleration [m/s² or rad/s²].
+    effort
+        Effort of a motor [N or N m].
+    jerk
+        Rate of the acceleration [m/s³ or rad/s³].
+    """
+
+    position: Span = _NONE
+    velocity: Span = _NONE
+    acceleration: Span = _NONE
+    effort: Span = _NONE
+    jerk: Span = _NONE
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +149,13 @@ class Joint:
     lower, upper
         Position limits of a one-freedom joint [m or rad].
     effort, velocity
-        Largest effort [N or N m] and speed [m/s or rad/s].
+        Largest effort [N or N m] and speed [m/s or rad/s] to both sides, or (least, greatest).
     independent
         Whether a motor drives the joint.
+    acceleration, jerk
+        Largest acceleration [m/s² or rad/s²] and its rate [m/s³ or rad/s³] to both sides, or (least, greatest).
+    swing, turn
+        Of a ball: largest angle between its axis in both frames, and largest angle of its whole rotation [rad].
     """
 
     name: str
@@ -102,14 +166,33 @@ class Joint:
     axis: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     lower: float = -inf
     upper: float = inf
-    effort: float = inf
-    velocity: float = inf
+    effort: float | Span = inf
+    velocity: float | Span = inf
     independent: bool = False
+    acceleration: float | Span = inf
+    jerk: float | Span = inf
+    swing: float = inf
+    turn: float = inf
 
     @property
     def has_axis(self) -> bool:
         """Whether the joint has one freedom, along or about its axis."""
         return self.kind in (JointKind.REVOLUTE, JointKind.PRISMATIC)
+
+    @property
+    def bounds(self) -> Bounds:
+        """What the coordinate of a one-freedom joint may do, both ends of each."""
+        return Bounds(
+            position=(self.lower, self.upper),
+            velocity=_span(self.velocity),
+            acceleration=_span(self.acceleration),
+            effort=_span(self.effort),
+            jerk=_span(self.jerk),
+        )
+
+
+def _span(value: float | Span) -> Span:
+    return value if isinstance(value, tuple) else (-value, value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +216,8 @@ class Loop:
         (3,) second axis of a universal joint, in frame 2, a unit vector.
     length
         Distance kept between the frame origins by a `DISTANCE` loop [m].
+    bounds
+        What each coordinate of the joint may do, in the order of `loop_coordinates`; empty: nothing is stated.
     """
 
     name: str
@@ -144,6 +229,7 @@ class Loop:
     axis: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     axis2: FloatArray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
     length: float = 0.0
+    bounds: tuple[Bounds, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

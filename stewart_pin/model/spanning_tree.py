@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import MechanismError
-from stewart_pin.model.description import LOOP_KINDS, Joint, Loop, Note, Outcome
+from stewart_pin.model.description import LOOP_KINDS, Bounds, Joint, JointKind, Loop, Note, Outcome
 
 
 def cut_second_parents(
@@ -71,7 +72,7 @@ def loop_from_joint(joint: Joint, *, source: str = "") -> Loop:
     Parameters
     ----------
     joint
-        Joint whose child link hangs on another joint. Its limits and coordinate are lost.
+        Joint whose child link hangs on another joint. Its coordinate is lost, its limits are kept.
     source
         The file, for messages.
 
@@ -100,7 +101,16 @@ def loop_from_joint(joint: Joint, *, source: str = "") -> Loop:
         joint.placement,
         pin.SE3.Identity(),
         axis=joint.axis if joint.has_axis else np.array([0.0, 0.0, 1.0]),
+        bounds=_bounds(joint),
     )
+
+
+def _bounds(joint: Joint) -> tuple[Bounds, ...]:
+    if joint.has_axis:
+        return (joint.bounds,)
+    if joint.kind is JointKind.SPHERICAL:
+        return Bounds(position=(-inf, joint.swing)), Bounds(position=(-inf, joint.turn))
+    return ()
 
 
 def _grow(joints: Sequence[Joint]) -> dict[str, Joint]:

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.model.description import Joint, JointKind, Mechanism
+from stewart_pin.model.description import Bounds, Joint, JointKind, Mechanism
 from stewart_pin.typing import ArrayLike
 
 _AXES = np.eye(3)
@@ -140,9 +140,53 @@ def _add_joint(model: pin.Model, joint: Joint, carrier: int, placement: pin.SE3)
     nq, nv = kind.nq, kind.nv
     lower, upper = np.full(nq, -np.inf), np.full(nq, np.inf)
     effort, velocity = np.full(nv, np.inf), np.full(nv, np.inf)
-    if joint.has_axis:
-        lower[:], upper[:], effort[:], velocity[:] = joint.lower, joint.upper, joint.effort, joint.velocity
-    return model.addJoint(carrier, kind, placement, joint.name, effort, velocity, lower, upper)
+    if not joint.has_axis:
+        return model.addJoint(carrier, kind, placement, joint.name, effort, velocity, lower, upper)
+    bounds = joint.bounds
+    lower[:], upper[:] = bounds.position
+    effort[:], velocity[:] = bounds.effort[1], bounds.velocity[1]
+    number = model.addJoint(carrier, kind, placement, joint.name, effort, velocity, lower, upper)
+    _set_least(model, number, bounds)
+    return number
+
+
+def set_limits(model: pin.Model, mechanism: Mechanism) -> pin.Model:
+    """Give the joints of a model other limits.
+
+    Parameters
+    ----------
+    model
+        Model from `build_tree`.
+    mechanism
+        Description of the same tree, with other limits.
+
+    Returns
+    -------
+    pinocchio.Model
+        A copy.
+    """
+    changed = model.copy()
+    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+    effort, velocity = np.array(model.upperEffortLimit), np.array(model.upperVelocityLimit)
+    own = [joint for joint in mechanism.joints if joint.has_axis]
+    for joint in own:
+        entry, bounds = model.joints[model.getJointId(joint.name)], joint.bounds
+        lower[entry.idx_q], upper[entry.idx_q] = bounds.position
+        effort[entry.idx_v], velocity[entry.idx_v] = bounds.effort[1], bounds.velocity[1]
+    changed.lowerPositionLimit, changed.upperPositionLimit = lower, upper
+    changed.upperEffortLimit, changed.upperVelocityLimit = effort, velocity
+    for joint in own:
+        _set_least(changed, changed.getJointId(joint.name), joint.bounds)
+    return changed
+
+
+def _set_least(model: pin.Model, number: int, bounds: Bounds) -> None:
+    """Set the lower ends of effort and velocity, which Pinocchio's `addJoint` takes for minus the upper ones."""
+    entry = model.joints[number].idx_v
+    for name, least in (("lowerEffortLimit", bounds.effort[0]), ("lowerVelocityLimit", bounds.velocity[0])):
+        values = np.array(getattr(model, name))
+        values[entry] = least
+        setattr(model, name, values)
 
 
 def _joint_model(joint: Joint) -> pin.JointModel:

@@ -10,7 +10,16 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import MechanismError
-from stewart_pin.model.description import LOOP_KINDS, TREE_KINDS, JointKind, Link, Mechanism, Note, Outcome
+from stewart_pin.model.description import (
+    LOOP_KINDS,
+    TREE_KINDS,
+    JointKind,
+    Link,
+    Mechanism,
+    Note,
+    Outcome,
+    loop_coordinates,
+)
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9
@@ -151,8 +160,11 @@ class _Validator:
                     joint.name,
                     f"joint '{joint.name}' has lower limit {joint.lower:g} above upper limit {joint.upper:g}",
                 )
-            for what, value in (("effort", joint.effort), ("velocity", joint.velocity)):
-                if not value >= 0:
+            for what in ("effort", "velocity", "acceleration", "jerk", "swing", "turn"):
+                value = getattr(joint, what)
+                if isinstance(value, tuple):
+                    self._span(f"joint '{joint.name}'", joint.name, what, value)
+                elif not value >= 0:
                     raise self._error(
                         joint.name, f"joint '{joint.name}' has the {what} limit {value:g}; it is >= 0"
                     )
@@ -162,6 +174,12 @@ class _Validator:
                     f"joint '{joint.name}' is marked independent, but a motor drives a revolute or prismatic joint, "
                     f"not one of type '{joint.kind}'",
                 )
+
+    def _span(self, owner: str, culprit: str, what: str, span: tuple[float, float]) -> None:
+        if not span[0] <= span[1]:
+            raise self._error(
+                culprit, f"{owner} has the least {what} {span[0]:g} above the greatest, {span[1]:g}"
+            )
 
     def _tree(self) -> None:
         parents: dict[str, str] = {}
@@ -204,6 +222,16 @@ class _Validator:
                         loop.name,
                         f"loop '{loop.name}' has the missing {role} link '{name}'; {self._have_links()}",
                     )
+            if len(loop.bounds) not in (0, len(loop_coordinates(loop.kind))):
+                own = ", ".join(loop_coordinates(loop.kind)) or "none"
+                raise self._error(
+                    loop.name,
+                    f"loop '{loop.name}' has {len(loop.bounds)} bounds; the coordinates of its kind '{loop.kind}' are: "
+                    f"{own}",
+                )
+            for bounds in loop.bounds:
+                for what, span in vars(bounds).items():
+                    self._span(f"loop '{loop.name}'", loop.name, what, span)
             if loop.link1 == loop.link2:
                 raise self._error(loop.name, f"loop '{loop.name}' joins link '{loop.link1}' to itself")
             if loop.kind == "distance" and not loop.length > 0:

@@ -310,7 +310,7 @@ class SampledController:
         if not self.resolution:
             return q, v
         readings = self.resolution * np.round(q[self.chain.motor_q_index] / self.resolution)
-        return forward_kinematics(self.chain, readings, q_guess=q).q, v
+        return forward_kinematics(self.chain, readings, q_guess=q, limits=False).q, v
 
 
 class _MotorReference:

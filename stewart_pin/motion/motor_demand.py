@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -21,9 +21,11 @@ from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import State, inverse_kinematics, platform_motion
 from stewart_pin.model.description import JointKind
+from stewart_pin.motion.joint_motion import asked_of_motors, asked_of_others
 from stewart_pin.motion.leg_formula import leg_formula
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.limits import Excess
 from stewart_pin.typing import Configuration, FloatArray
 
 _CLOSED_FORM = 100
@@ -46,16 +48,57 @@ class MotorDemand:
         (N, nu) [m/s or rad/s].
     efforts
         (N, nu) [N or N m].
+    chain
+        Whose motors.
+    samples
+        Motion of the platform that asks for it.
     """
 
     time: FloatArray
     positions: FloatArray
     rates: FloatArray
     efforts: FloatArray
+    chain: ClosedChain = field(repr=False)
+    samples: PlatformSamples = field(repr=False)
+
+    def holds(self) -> bool:
+        """Tell whether every limit holds, as `check`, but ask the other joints only where the motors keep theirs.
+
+        Returns
+        -------
+        bool
+            False too where joints that have limits cannot follow the motion.
+        """
+        chain = self.chain
+        asked = asked_of_motors(chain, self.positions, self.rates, self.efforts)
+        if chain.judge.excesses(asked):
+            return False
+        try:
+            return not chain.judge.excesses(asked_of_others(chain, self.samples))
+        except ClosureError:
+            return False
+
+    def check(self) -> tuple[Excess, ...]:
+        """List the limits that the motion exceeds: of the motors, of passive joints and of joints that close loops.
+
+        Returns
+        -------
+        tuple of Excess
+            Each at its worst instant; empty where all limits hold that are stated.
+
+        Raises
+        ------
+        ClosureError
+            If joints that no motor moves have limits, and cannot follow the motion.
+        """
+        chain = self.chain
+        asked = asked_of_motors(chain, self.positions, self.rates, self.efforts)
+        asked += asked_of_others(chain, self.samples)
+        return chain.judge.excesses(asked, time=self.time)
 
 
 def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool | None = None) -> MotorDemand:
-    """Compute what a platform motion asks of the motors, position limits ignored.
+    """Compute what a platform motion asks of the motors, whatever the limits; the answer's `check` judges them.
 
     Parameters
     ----------
@@ -153,7 +196,9 @@ def demands_by_kernels(kernels: Kernels, motions: Sequence[PlatformSamples]) -> 
         if any(turning):
             # Angles are those of home's branch; they go on where a motor has turned further.
             positions[part, turning] = np.unwrap(positions[part, turning], axis=0)
-        found.append(MotorDemand(samples.time, positions[part], rates[part], efforts[part]))
+        found.append(
+            MotorDemand(samples.time, positions[part], rates[part], efforts[part], kernels.chain, samples)
+        )
     return found
 
 
@@ -209,6 +254,8 @@ def _by_closed_form(
         positions=sign * (leg_lengths(hexapod, *place) - offset),
         rates=sign * leg_rates(hexapod, *place, samples.twist),
         efforts=sign * forces.actuator,
+        chain=chain,
+        samples=samples,
     )
 
 
@@ -231,7 +278,7 @@ def _state_by_state(chain: ClosedChain, samples: PlatformSamples) -> MotorDemand
         state, efforts[k] = _one_state(chain, samples, k, q)
         q = state.q
         positions[k], rates[k] = q[chain.motor_q_index], state.v[chain.motor_index]
-    return MotorDemand(samples.time, positions, rates, efforts)
+    return MotorDemand(samples.time, positions, rates, efforts, chain, samples)
 
 
 def _one_state(

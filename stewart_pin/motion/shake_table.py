@@ -1,20 +1,36 @@
-"""Platforms as shake tables: how much of a motion their motors can give."""
+"""Platforms as shake tables: how much of a motion their joints can give."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from stewart_pin.errors import InputError
+from stewart_pin.errors import ClosureError, InputError
+from stewart_pin.model.limits import LimitKind
+from stewart_pin.motion.joint_motion import asked_of_motors, asked_of_others
 from stewart_pin.motion.motor_demand import MotorDemand, motor_demand
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.limits import AT_LIMIT, Asked
 from stewart_pin.typing import FloatArray
 
 _ACCURACY = 1e-6
 """Relative accuracy of the scale found."""
+_FULL = 1.0 + AT_LIMIT
+"""Share of a limit that is used up, with round-off."""
+_FEW = 100
+"""Instants at which joints that no motor moves are looked at first; those where they go furthest are added."""
+_ROUNDS = 20
+"""Times that instants are added."""
+_WORDS: dict[LimitKind, str] = {
+    "position": "stroke",
+    "velocity": "rate",
+    "acceleration": "acceleration",
+    "effort": "effort",
+    "jerk": "jerk",
+}
 
 
 @dataclass(frozen=True)
@@ -24,9 +40,11 @@ class Binding:
     Attributes
     ----------
     limit
-        ``"stroke"``, ``"rate"`` or ``"effort"``.
+        ``"stroke"``, ``"rate"``, ``"acceleration"``, ``"jerk"`` or ``"effort"``; ``"reach"`` where joints cannot follow
+        the motion.
     motor
-        Name of the motor.
+        Name of the motor, or of the passive joint or the joint that closes a loop, as in ``chain.limits.names``; for
+        ``"reach"``, of the platform.
     time
         When [s].
     value
@@ -60,9 +78,12 @@ class FitReport:
     binding
         The limit nearest to being reached at this scale.
     unscaled
-        Most used limit of each kind at full scale: why the motion had to be scaled, if it had.
+        Most used limit of each kind: of the motors at full scale; of the other joints at the largest scale that the
+        motors allow. Why the motion had to be scaled, if it had.
     margin
         Part of every limit that was kept free.
+    looked_at
+        Joints whose limits were looked at, by kind of limit; one that is missing has none.
     """
 
     scale: float
@@ -71,12 +92,26 @@ class FitReport:
     binding: Binding | None
     unscaled: tuple[Binding, ...]
     margin: float
+    looked_at: Mapping[str, tuple[str, ...]]
+
+    def __str__(self) -> str:
+        """Tell the scale, what binds, and what was looked at."""
+        said = "no limit is stated"
+        if self.binding is not None:
+            said = f"{self.binding.use:.4g} of the {self.binding.limit} of {self.binding.motor}"
+        looked = "; ".join(
+            f"{kind} of {', '.join(names[:3])}" + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+            for kind, names in self.looked_at.items()
+        )
+        return f"scale {self.scale:.6g}: {said}\nlooked at: {looked or 'nothing'}"
 
 
 def fit_to_limits(
     chain: ClosedChain, motion: Callable[[float], PlatformSamples], *, margin: float = 0.0
 ) -> FitReport:
-    """Scale a motion down until stroke, rate and effort limits of the file are respected.
+    """Scale a motion down until every limit that is stated holds, of passive joints and joints that close loops too.
+
+    The poses found pass `inverse_kinematics` with limits, and the motion is within what `limits_exceeded` judges.
 
     Parameters
     ----------
@@ -90,102 +125,179 @@ def fit_to_limits(
     Returns
     -------
     FitReport
-        The largest factor found by bisection, to six digits, and the limit that binds.
+        The largest factor found by bisection, to six digits, the limit that binds, and which were looked at.
 
     Raises
     ------
     InputError
         If the margin makes no sense, or the limits are exceeded at rest.
+
+    Notes
+    -----
+    The motors come first, since they have closed forms and kernels. At the scale that they allow, the other joints are
+    followed through all instants; where they go too far, the scale is found at those instants, and proven at all.
     """
     if not 0 <= margin < 1:
         raise InputError(f"margin must be at least 0 and below 1, got {margin}")
-    full = _uses(chain, motor_demand(chain, motion(1.0)), margin)
-    worst = max(full, key=lambda binding: binding.use, default=None)
-    if worst is None or worst.use <= 1:
-        return _report(chain, motion, 1.0, full, margin)
-    rest = _uses(chain, motor_demand(chain, motion(0.0)), margin)
-    resting = max(rest, key=lambda binding: binding.use)
-    if resting.use > 1:
-        raise InputError(
-            f"motion at scale 0 already exceeds the {resting.limit} limit of {resting.motor}: {resting.value:.6g}, "
-            f"allowed {resting.allowed:.6g}; choose another home or a smaller margin"
-        )
-    low, high = 0.0, 1.0
-    while high - low > _ACCURACY * high:
-        middle = (low + high) / 2
-        uses = _uses(chain, motor_demand(chain, motion(middle)), margin)
-        if all(binding.use <= 1 for binding in uses):
-            low = middle
+    return _Fit(chain, motion, margin).report()
+
+
+class _Fit:
+    def __init__(self, chain: ClosedChain, motion: Callable[[float], PlatformSamples], margin: float) -> None:
+        self.chain, self.motion, self.margin = chain, motion, margin
+
+    def report(self) -> FitReport:
+        unscaled = self._of_motors(1.0)
+        scale = 1.0
+        if _worst(unscaled) > _FULL:
+            self._require_rest(self._of_motors(0.0))
+            scale = self._bisect(1.0, self._of_motors)
+        others = self._of_others(scale)
+        if _worst(others) > _FULL:
+            self._require_rest(self._of_others(0.0, [0]))
+            unscaled += others
+            scale, others = self._narrow(scale, others)
         else:
-            high = middle
-    return _report(chain, motion, low, full, margin)
+            unscaled += others
+        samples = self.motion(scale)
+        demand = motor_demand(self.chain, samples)
+        uses = self._used(
+            asked_of_motors(self.chain, demand.positions, demand.rates, demand.efforts), demand.time
+        )
+        return FitReport(
+            scale=scale,
+            samples=samples,
+            demand=demand,
+            binding=max((*uses, *others), key=lambda binding: binding.use, default=None),
+            unscaled=_of_each_kind(unscaled),
+            margin=self.margin,
+            looked_at=self._looked_at(),
+        )
 
+    def _narrow(self, scale: float, others: list[Binding]) -> tuple[float, list[Binding]]:
+        """Find the scale at which joints without motors keep their limits, at a few instants, and prove it at all."""
+        samples = self.motion(scale)
+        if self.chain.limits.stated("jerk").size:
+            return self._prove(self._bisect(scale, self._of_others))
+        step = max(1, len(samples) // _FEW)
+        instants = set(range(0, len(samples), step))
+        for _ in range(_ROUNDS):
+            instants |= {int(np.argmin(np.abs(samples.time - binding.time))) for binding in others}
+            few = sorted(instants)
+            scale = self._bisect(scale, lambda factor, few=few: self._of_others(factor, few))
+            others = self._of_others(scale)
+            if _worst(others) <= _FULL:
+                return scale, others
+        return self._prove(self._bisect(scale, self._of_others))
 
-def _report(
-    chain: ClosedChain,
-    motion: Callable[[float], PlatformSamples],
-    scale: float,
-    full: tuple[Binding, ...],
-    margin: float,
-) -> FitReport:
-    samples = motion(scale)
-    demand = motor_demand(chain, samples)
-    uses = _uses(chain, demand, margin)
-    return FitReport(
-        scale=scale,
-        samples=samples,
-        demand=demand,
-        binding=max(uses, key=lambda binding: binding.use, default=None),
-        unscaled=full,
-        margin=margin,
-    )
+    def _prove(self, scale: float) -> tuple[float, list[Binding]]:
+        return scale, self._of_others(scale)
 
+    def _bisect(self, high: float, uses: Callable[[float], list[Binding]]) -> float:
+        if _worst(uses(high)) <= _FULL:
+            return high
+        low = 0.0
+        while high - low > _ACCURACY * high:
+            middle = (low + high) / 2
+            if _worst(uses(middle)) <= _FULL:
+                low = middle
+            else:
+                high = middle
+        return low
 
-def _uses(chain: ClosedChain, demand: MotorDemand, margin: float) -> tuple[Binding, ...]:
-    """Most used limit of each kind that the file has."""
-    model = chain.model
-    free = 1.0 - margin
-    lower = model.lowerPositionLimit[chain.motor_q_index]
-    upper = model.upperPositionLimit[chain.motor_q_index]
-    found: list[Binding] = []
-    # A limit that one motor lacks leaves those of the others in force; a stroke with one end counts from there, by the
-    # size of the robot.
-    size = chain.length_scale
-    low, high = (
-        np.where(np.isfinite(lower), lower, upper - size),
-        np.where(np.isfinite(upper), upper, lower + size),
-    )
-    known = np.isfinite(low) & np.isfinite(high)
-    if known.any():
-        middle = np.where(known, (low + high) / 2, 0.0)
-        half = np.where(known, free * (high - low) / 2, 1.0)
-        off = demand.positions - middle
-        above, below = known & np.isfinite(upper), known & np.isfinite(lower)
-        use = np.maximum(np.where(above, off / half, 0.0), np.where(below, -off / half, 0.0))
-        allowed = middle + np.sign(off) * half
-        found.append(_most_used(chain, "stroke", demand.time, use, demand.positions, allowed))
-    for name, limit, values in (
-        ("rate", model.velocityLimit[chain.motor_index], demand.rates),
-        ("effort", model.effortLimit[chain.motor_index], demand.efforts),
-    ):
-        stated = np.isfinite(limit) & (limit > 0)
-        if stated.any():
-            allowed = np.broadcast_to(np.where(stated, free * limit, np.inf), values.shape)
-            found.append(
-                _most_used(chain, name, demand.time, np.abs(values) / allowed, np.abs(values), allowed)
+    def _require_rest(self, uses: list[Binding]) -> None:
+        resting = max(uses, key=lambda binding: binding.use)
+        if resting.use > _FULL:
+            raise InputError(
+                f"motion at scale 0 already exceeds the {resting.limit} limit of {resting.motor}: {resting.value:.6g}, "
+                f"allowed {resting.allowed:.6g}; choose another home or a smaller margin"
             )
-    return tuple(found)
+
+    def _of_motors(self, scale: float) -> list[Binding]:
+        demand = motor_demand(self.chain, self.motion(scale))
+        asked = asked_of_motors(self.chain, demand.positions, demand.rates, demand.efforts)
+        return self._used(asked, demand.time)
+
+    def _of_others(self, scale: float, instants: Sequence[int] | None = None) -> list[Binding]:
+        samples = self.motion(scale)
+        try:
+            asked = asked_of_others(self.chain, samples, instants)
+        except ClosureError as error:
+            return [
+                Binding("reach", self.chain.platform, float(samples.time[0]), error.residual, 0.0, np.inf)
+            ]
+        time = samples.time if instants is None else samples.time[list(instants)]
+        return self._used(asked, time)
+
+    def _used(self, asked: list[Asked], time: FloatArray) -> list[Binding]:
+        """Most used limit of each kind."""
+        found: list[Binding] = []
+        names = self.chain.limits.names
+        for each in asked:
+            if not each.values.size:
+                continue
+            use, allowed = self._use(each)
+            at = np.unravel_index(int(np.argmax(use)), use.shape)
+            value, limit = float(each.values[at]), float(allowed[at])
+            if each.kind in ("velocity", "effort"):  # of which the size is told
+                value, limit = abs(value), abs(limit)
+            found.append(
+                Binding(
+                    _WORDS[each.kind], names[int(each.rows[at[1]])], float(time[at[0]]), value, limit,
+                    float(use[at]),
+                )
+            )  # fmt: skip
+        return found
+
+    def _use(self, asked: Asked) -> tuple[FloatArray, FloatArray]:
+        """Share of the limits that is used, and what is allowed, (N, k) each."""
+        limits, values = self.chain.limits, asked.values
+        free = 1.0 - self.margin
+        lower, upper = limits.of(asked.kind)[asked.rows].T
+        low, high = limits.bounds(asked.kind, asked.rows).T
+        largest = np.nanmax(np.abs([lower, upper]), axis=0)
+        # A stroke with one end counts from there, by the size of the robot.
+        size = self.chain.judge.sizes(asked.rows) if asked.kind == "position" else largest
+        least = np.where(np.isnan(lower), upper - size, lower)
+        most = np.where(np.isnan(upper), lower + size, upper)
+        middle, half = (least + most) / 2, free * (most - least) / 2
+        off = values - middle
+        with np.errstate(divide="ignore", invalid="ignore"):
+            above = np.where(np.isnan(upper) | (off == 0), 0.0, off / half)
+            below = np.where(np.isnan(lower) | (off == 0), 0.0, -off / half)
+        use = np.maximum(np.maximum(above, below), 0.0)
+        allowed = middle + np.sign(off) * half
+        if asked.kind == "position":
+            return use, allowed
+        # A range around zero is used from zero on to either side; (0, f) is used up by what is below zero.
+        around = (low <= 0) & (high >= 0)
+        end = np.where(values < 0, low, high)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.abs(values) / np.abs(free * end)
+        share = np.where(np.abs(values) <= AT_LIMIT * largest, 0.0, share)
+        return np.where(around, share, use), np.where(around, free * end, allowed)
+
+    def _looked_at(self) -> dict[str, tuple[str, ...]]:
+        limits, chain = self.chain.limits, self.chain
+        found: dict[str, tuple[str, ...]] = {}
+        for kind, word in _WORDS.items():
+            rows = limits.stated(kind)
+            if kind == "effort":
+                rows = rows[np.isin(rows, chain.motor_index)]
+            elif kind == "jerk":
+                rows = rows[rows < chain.nv]
+            if rows.size:
+                found[word] = tuple(limits.names[row] for row in rows)
+        return found
 
 
-def _most_used(
-    chain: ClosedChain, name: str, time: FloatArray, use: FloatArray, values: FloatArray, allowed: FloatArray
-) -> Binding:
-    at = np.unravel_index(int(np.argmax(use)), use.shape)
-    return Binding(
-        name,
-        chain.motors[int(at[1])],
-        float(time[at[0]]),
-        float(values[at]),
-        float(allowed[at]),
-        float(use[at]),
-    )
+def _worst(uses: Sequence[Binding]) -> float:
+    return max((binding.use for binding in uses), default=0.0)
+
+
+def _of_each_kind(uses: Sequence[Binding]) -> tuple[Binding, ...]:
+    found: dict[str, Binding] = {}
+    for binding in uses:
+        if binding.limit not in found or found[binding.limit].use < binding.use:
+            found[binding.limit] = binding
+    return tuple(found.values())

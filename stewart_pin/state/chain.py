@@ -15,18 +15,20 @@ from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.model.candidates import motor_candidates, platform_candidates
 from stewart_pin.model.description import Coupling, Loop, Mechanism, Note, Report
 from stewart_pin.model.leg_points import leg_points, leg_readings
+from stewart_pin.model.limits import Limits, build_limits
 from stewart_pin.model.loop_table import LoopTable, build_loop_table, support
 from stewart_pin.model.motors import mark_motors
 from stewart_pin.model.sizes import length_scale
 from stewart_pin.model.tree import link_frame, mass_unit, with_masses_in
 from stewart_pin.state.generic import Generic, find_generic
+from stewart_pin.state.limits import Judge
 from stewart_pin.state.pinocchio_constraints import ConstrainedDynamics, unknown_to_pinocchio
 from stewart_pin.state.scratch import Pool, Scratch
 from stewart_pin.state.state import State
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 _WHEREVER_HOME_IS = (
-    ("loop_table", "motor_index", "motor_q_index", "platform_id", "tangent_names", "length_scale")
+    ("loop_table", "limits", "motor_index", "motor_q_index", "platform_id", "tangent_names", "length_scale")
     + (
         "tangent_scale",
         "angle_mask",
@@ -130,6 +132,16 @@ class ClosedChain:
     def loop_table(self) -> LoopTable:
         """Loops as arrays, for vectorised evaluation."""
         return build_loop_table(self.mechanism, self.model)
+
+    @cached_property
+    def limits(self) -> Limits:
+        """What joints, motors and joints that close loops may do, as far as anything is stated; print it."""
+        return build_limits(self.mechanism, self.model)
+
+    @cached_property
+    def judge(self) -> Judge:
+        """Judge of these limits, see `limits_exceeded`."""
+        return Judge(self)
 
     @cached_property
     def motor_index(self) -> np.ndarray:

@@ -13,39 +13,6 @@ _AT_LIMIT = 1e-9
 """Excess over a joint limit that is round-off [rad]."""
 
 
-def limit_violations(
-    chain: ClosedChain, q: Configuration, slack: float, entries: np.ndarray | None = None
-) -> dict[str, tuple[float, float, float]]:
-    """List the one-freedom joints that are beyond their limits.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration [m, rad, unit quaternions].
-    slack
-        Excess that is let pass, in robot sizes or radians [dimensionless].
-    entries
-        Indices of the tangent entries to look at; default: all.
-
-    Returns
-    -------
-    dict
-        ``{joint: (value, lower, upper)}`` [m or rad].
-    """
-    violations: dict[str, tuple[float, float, float]] = {}
-    for joint in chain.mechanism.joints:
-        if joint.has_axis:
-            entry = chain.model.joints[chain.model.getJointId(joint.name)]
-            if entries is not None and entry.idx_v not in entries:
-                continue
-            value, excess = float(q[entry.idx_q]), slack * chain.tangent_scale[entry.idx_v]
-            if not joint.lower - excess <= value <= joint.upper + excess:
-                violations[joint.name] = (value, joint.lower, joint.upper)
-    return violations
-
-
 def clipped(chain: ClosedChain, q: Configuration) -> Configuration:
     """Move coordinates outside their limits to the middle of the range, or to the limit of a range without end.
 

@@ -46,6 +46,8 @@ class DemandStudy:
         True, False or None, as in `motor_demand`.
     share
         Points that a design has on average: kernels are compiled where its states are worth it.
+    limits
+        Whether motions are judged by all limits.
     """
 
     chain: Carried | Callable[..., ClosedChain]
@@ -54,6 +56,7 @@ class DemandStudy:
     of_motion: tuple[str, ...]
     kernels: bool | None
     share: float
+    limits: bool = False
 
     def __call__(self, points: Sequence[Point]) -> list[Answer]:
         """Answer points.
@@ -77,17 +80,36 @@ class DemandStudy:
                 continue
             if case.kernels is None:
                 demand = ask(partial(demand_by_formula, case.chain, case.samples), point)
-                answers[k] = demand if isinstance(demand, NoAnswer) else _figures([demand])[0]
+                answers[k] = demand if isinstance(demand, NoAnswer) else self.figures([demand])[0]
                 continue
             if batch.cases and (case.kernels is not batch.cases[0].kernels or states > _STATES):
-                answers |= batch.answers()
+                answers |= batch.answers(self)
                 batch, states = _Batch(), 0
             states += len(case.samples)
             batch.numbers.append(k)
             batch.cases.append(case)
         if batch.cases:
-            answers |= batch.answers()
+            answers |= batch.answers(self)
         return [answers[k] for k in range(len(points))]
+
+    def figures(self, demands: Sequence[MotorDemand]) -> list[Results]:
+        """Condense demands.
+
+        Parameters
+        ----------
+        demands
+            Of one chain.
+
+        Returns
+        -------
+        list
+            Figures of each.
+        """
+        found = _figures(demands)
+        if self.limits:
+            for figures, demand in zip(found, demands, strict=True):
+                figures["within_limits"] = np.array(float(demand.holds()))
+        return found
 
     def case(self, point: Point) -> Case | NoAnswer:
         """Make the robot and the motion of a point.
@@ -181,7 +203,7 @@ class _Batch:
     numbers: list[int] = field(default_factory=list)
     cases: list[Case] = field(default_factory=list)
 
-    def answers(self) -> dict[int, Answer]:
+    def answers(self, study: DemandStudy) -> dict[int, Answer]:
         kernels = self.cases[0].kernels
         assert kernels is not None
         answers: dict[int, Answer] = {}
@@ -195,7 +217,7 @@ class _Batch:
             else:
                 known[k] = demand
         if known:
-            answers |= zip(known, _figures(list(known.values())), strict=True)
+            answers |= zip(known, study.figures(list(known.values())), strict=True)
         return answers
 
 

@@ -49,7 +49,7 @@ def compared(name: str, count: int, seed: int) -> dict[str, int]:
     found = by_motors.inverse_dynamics(q_motor, rate, acceleration, status=status)
     number = dict.fromkeys(("answered", "refused by both", "refused", "unknown to one state"), 0)
     for k in range(count):
-        closure = stp.forward_kinematics(chain, q_motor[k], throw=False)
+        closure = stp.forward_kinematics(chain, q_motor[k], limits=False, throw=False)
         if not closure.success:
             number["refused by both" if status[k] else "unknown to one state"] += 1
             continue
@@ -71,7 +71,9 @@ def compared_poses(name: str, count: int, seed: int) -> dict[str, int]:
     """Compare at rest at poses that motors lead to; counts of what became of the states."""
     rng = np.random.default_rng(seed)
     chain = robot(name)
-    reached = [stp.forward_kinematics(chain, x, throw=False) for x in commands(chain, rng, count)]
+    reached = [
+        stp.forward_kinematics(chain, x, limits=False, throw=False) for x in commands(chain, rng, count)
+    ]
     poses = [stp.platform_pose(chain, closure.q) for closure in reached if closure.success]
     status, rest = np.empty(len(poses), dtype=np.int8), np.zeros(6)
     found = kernels(name, "platform").inverse_dynamics(

@@ -50,7 +50,7 @@ def platform_states(many: Kernels, rng: np.random.Generator, count: int = 4):
         acceleration = jacobian @ a + chain.at(q, v).platform_bias
         # On the branch that the kernel takes: an arm reaches most poses in several ways.
         q_motor = many.inverse_kinematics(pin.SE3ToXYZQUAT(pose))
-        there = stp.forward_kinematics(chain, q_motor).q
+        there = stp.forward_kinematics(chain, q_motor, limits=False).q
         whole.append(stp.platform_motion(chain, pose, twist, acceleration, q_guess=there, limits=False))
         states.append((pin.SE3ToXYZQUAT(pose), twist, acceleration, q_motor))
     return whole, array_of(states)
@@ -98,7 +98,7 @@ def test_motor_coordinates_agree(name: str, rng: np.random.Generator) -> None:
         v = rng.normal(size=chain.nu) * chain.tangent_scale[chain.motor_index]
         step = 0.05 * rng.uniform(-1, 1, chain.nu) * chain.tangent_scale[chain.motor_index]
         q_motor = stp.motor_positions(chain, chain.q_home) + step
-        q = stp.forward_kinematics(chain, q_motor).q
+        q = stp.forward_kinematics(chain, q_motor, limits=False).q
         motion, a = random_motion(chain, rng, q)
         whole.append((q, motion, a))
         states.append((q_motor, motion[chain.motor_index], a[chain.motor_index]))

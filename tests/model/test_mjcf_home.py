@@ -46,9 +46,13 @@ def test_limits_keep_their_side_and_their_switch(tmp_path: Path) -> None:
     assert "joint 'a' its limits: the file disables all limits" in notes(found)
 
 
-def test_limits_of_balls_are_named(tmp_path: Path) -> None:
-    found = read(tmp_path, body("arm", '<joint name="b" type="ball" range="0 0.5"/>'))
-    assert "ignored joint 'b' the cone of 0.5 rad" in notes(found)
+def test_limits_of_balls_are_kept(tmp_path: Path) -> None:
+    text = body("arm", '<joint name="b" type="ball" range="0 0.5"/>')
+    assert read(tmp_path, text).joint("b").turn == 0.5
+    off = '<option><flag limit="disable"/></option>'
+    found = read(tmp_path, text, off)
+    assert found.joint("b").turn == np.inf
+    assert "joint 'b' its limits: the file disables all limits" in notes(found)
 
 
 def test_gravity_is_that_of_the_file(tmp_path: Path) -> None:

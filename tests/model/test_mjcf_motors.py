@@ -36,20 +36,19 @@ EFFORTS = {
     "angle of a servo": ('<position joint="motor" kp="5" ctrlrange="-1 1"/>', np.inf),
     "none": ('<motor joint="motor"/>', np.inf),
     "two": ('<motor joint="motor" forcerange="-1 1"/><motor joint="motor" forcerange="-2 2"/>', 3),
-    "uneven": ('<motor joint="motor" forcerange="-1 4"/>', 1),
-    "one side": ('<motor joint="motor" forcerange="0 4"/>', np.inf),
+    "uneven": ('<motor joint="motor" forcerange="-1 4"/>', (-1, 4)),
+    "uneven gear": ('<motor joint="motor" forcerange="-1 4" gear="-2"/>', (-8, 2)),
+    "one side": ('<motor joint="motor" forcerange="0 4"/>', (0, 4)),
+    "control of one side": ('<motor joint="motor" ctrlrange="0 4" forcerange="-1 1"/>', (0, 1)),
 }
 
 
 @pytest.mark.parametrize(("drive", "effort"), EFFORTS.values(), ids=EFFORTS)
-def test_largest_efforts(tmp_path: Path, drive: str, effort: float) -> None:
+def test_largest_efforts(tmp_path: Path, drive: str, effort: float | tuple[float, float]) -> None:
     found = read(tmp_path, BOTH, actuator(drive))
     assert found.joint("motor").effort == effort
     assert found.joint("motor").independent and not found.joint("wrist").independent
-    if "forcerange" in drive and "-1 4" in drive:
-        assert "forcerange -1 to 4: efforts are limited alike" in notes(found)
-    if "0 4" in drive:
-        assert "forcerange 0 to 4: effort limits of one side are not kept" in notes(found)
+    assert "efforts" not in notes(found)
 
 
 def test_the_joint_itself_may_limit_the_effort(tmp_path: Path) -> None:

@@ -39,9 +39,9 @@ def test_closed_form_demand_is_that_of_the_one_state_verbs() -> None:
 def test_the_limit_that_binds_is_met_exactly_and_named(
     amplitude: float, frequency: float, limit: str
 ) -> None:
-    chain = stp.load("stewart")  # its own: the model is changed
+    chain = robot("stewart")
     if limit == "effort":
-        chain.model.velocityLimit[chain.motor_index] = 1e3
+        chain = stp.with_limits(chain, {motor: {"velocity": 1e3} for motor in chain.motors})
     report = stp.fit_to_limits(chain, shaking(chain, amplitude, frequency), margin=0.1)
     assert 0 < report.scale < 1
     assert report.binding is not None
@@ -98,19 +98,19 @@ def test_kernels_leave_errors_to_the_careful_verbs() -> None:
 
 
 def test_a_limit_that_one_motor_lacks_leaves_the_others_in_force() -> None:
-    chain = stp.load("stewart")  # its own: the model is changed
+    chain = robot("stewart")
+    chain = stp.with_limits(chain, {motor: {"velocity": 1e3} for motor in chain.motors})
     shake = shaking(chain, 0.05, 40.0)
-    chain.model.velocityLimit[chain.motor_index] = 1e3
     full = stp.fit_to_limits(chain, shake)
     assert full.binding is not None and full.binding.limit == "effort" and full.scale < 1
     idle = int(np.argmin(np.abs(full.demand.efforts).max(axis=0)))  # one that does not bind
-    chain.model.effortLimit[chain.motor_index[idle]] = np.inf
+    chain = stp.with_limits(chain, {chain.motors[idle]: {"effort": None}})
     assert stp.fit_to_limits(chain, shake).scale == pytest.approx(full.scale, rel=1e-5)
     # A stroke with one end: the other motors keep both, this one its upper end.
     reach = shaking(chain, 0.6, 0.25)
-    at = chain.motor_q_index[idle]
     both = stp.fit_to_limits(chain, reach)
-    chain.model.lowerPositionLimit[at] = -np.inf
+    upper = chain.limits.position[chain.motor_index[idle], 1]
+    chain = stp.with_limits(chain, {chain.motors[idle]: {"position": (None, upper)}})
     assert stp.fit_to_limits(chain, reach).scale == pytest.approx(both.scale, rel=1e-5)
 
 

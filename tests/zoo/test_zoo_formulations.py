@@ -93,7 +93,7 @@ def test_kernels_in_motor_coordinates(name: str, pose: str, rng: np.random.Gener
     if chain.generic.count.idle:  # whose rates are nobody's demand: at rest nothing depends on them
         rate, demand = np.zeros(chain.nu), np.zeros(chain.nu)
     x = stp.motor_positions(chain, case.q)
-    q = stp.forward_kinematics(chain, x).q
+    q = stp.forward_kinematics(chain, x, limits=False).q
     here = stp.motion_map(chain, q, np.zeros(chain.nv))
     v = here.G @ rate
     effort = stp.inverse_dynamics(chain, q, v, here.G @ demand + stp.motion_map(chain, q, v).gamma)

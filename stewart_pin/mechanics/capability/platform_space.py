@@ -10,6 +10,7 @@ from stewart_pin.checks import as_positive
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.mechanics.capability.enumeration import Shape
 from stewart_pin.mechanics.capability.polytope import Polytope
+from stewart_pin.model.limits import LimitKind
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import TWIST_AXES
 from stewart_pin.state.state import State
@@ -17,8 +18,6 @@ from stewart_pin.typing import ArrayLike, FloatArray
 
 _ALONG = 1e-9
 """Distance of an axis from the space of motions below which the platform moves along it, lengths normalised."""
-_NO_LIMIT = 1e20
-"""Files write 1e30 where a joint has no limit."""
 _WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
@@ -154,8 +153,8 @@ def as_limit(name: str, value: ArrayLike, count: int) -> FloatArray:
     return np.broadcast_to(limit, (count,)).copy()
 
 
-def motor_limit(chain: ClosedChain, name: str, value: ArrayLike | None, of_file: FloatArray) -> FloatArray:
-    """Choose between a limit that the caller gives and those of the file.
+def motor_limits(chain: ClosedChain, name: str, value: ArrayLike | None, kind: LimitKind) -> FloatArray:
+    """Choose between limits that the caller gives and those of the chain, motor by motor.
 
     Parameters
     ----------
@@ -164,42 +163,39 @@ def motor_limit(chain: ClosedChain, name: str, value: ArrayLike | None, of_file:
     name
         Name of the argument, for the message.
     value
-        (nu,) or one number, or None for the file's [any unit].
-    of_file
-        (nv,) the file's [any unit].
+        (nu,) largest absolute values, nan for the chain's own limit; one number for all; or None for the chain's
+        [any unit].
+    kind
+        Kind of the limits of the chain.
 
     Returns
     -------
     numpy.ndarray
-        (nu,) largest absolute values [any unit].
+        (nu, 2) least and greatest values [any unit].
 
     Raises
     ------
     InputError
-        If the file states none, or zero, and the caller gave none.
+        If a motor has no limit at one of its ends: what the others may do does not bound it.
     """
+    limits = chain.limits.bounds(kind, chain.motor_index)
     if value is not None:
-        return as_limit(name, value, chain.nu)
-    limit = np.array(of_file[chain.motor_index])
-    missing = [m for m, x in zip(chain.motors, limit, strict=True) if not 0.0 < x < _NO_LIMIT]
+        given = np.array(value, dtype=float) if _numeric(value) else np.array(0.0)
+        own = np.isnan(given) if given.shape == (chain.nu,) else np.zeros(chain.nu, dtype=bool)
+        most = as_limit(name, np.where(own, 1.0, given) if own.any() else value, chain.nu)
+        limits = np.where(own[:, None], limits, most[:, None] * [-1.0, 1.0])
+    missing = [m for m, ends in zip(chain.motors, limits, strict=True) if not np.isfinite(ends).all()]
     if missing:
         raise InputError(
-            f"the file of '{chain.name}' states no usable limit for the motors {', '.join(missing)}; pass {name}=..."
+            f"'{chain.name}' states no usable limit for the motors {', '.join(missing)}; pass {name}=..., with nan for "
+            "the motors that have one"
         )
-    return limit
+    return limits
 
 
-def stated(limit: FloatArray) -> FloatArray:
-    """Tell which of the file's limits limit anything.
-
-    Parameters
-    ----------
-    limit
-        Limits of any shape [any unit].
-
-    Returns
-    -------
-    numpy.ndarray
-        The same, infinite where the file writes a number that stands for none [any unit].
-    """
-    return np.where(limit < _NO_LIMIT, limit, np.inf)
+def _numeric(value: ArrayLike) -> bool:
+    try:
+        np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        return False
+    return True

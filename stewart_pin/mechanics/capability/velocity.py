@@ -6,16 +6,13 @@ import numpy as np
 
 from stewart_pin.errors import UnreachableError, UnsupportedError
 from stewart_pin.mechanics.capability.enumeration import image_of_limits
-from stewart_pin.mechanics.capability.platform_space import motor_limit, platform_space, stated
+from stewart_pin.mechanics.capability.platform_space import motor_limits, platform_space
 from stewart_pin.mechanics.capability.polytope import Polytope
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
 from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import SINGULAR
 from stewart_pin.typing import ArrayLike, Configuration
-
-_AT_LIMIT = 1e-9
-"""Distance from a joint limit at which it counts as reached, in robot sizes or radians."""
 
 
 def velocity_polytope(
@@ -29,8 +26,8 @@ def velocity_polytope(
     """Find all twists of the platform that the joints' rate limits allow.
 
     The set is exact: a skewed box with 64 corners for six motors and six freedoms, a zonotope for a redundant arm. A
-    passive joint for which the file states a velocity limit counts as well. A joint that stands at the end of its
-    range cannot leave it, which takes away the motions to that side.
+    passive joint, or joint that closes a loop, for which a velocity limit is stated counts as well. A joint that stands
+    at the end of its range cannot leave it, which takes away the motions to that side.
 
     Parameters
     ----------
@@ -39,7 +36,8 @@ def velocity_polytope(
     q
         (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     rate_limit
-        (nu,) or one number: largest absolute motor rate; default: the file's velocity limits [m/s or rad/s].
+        (nu,) or one number: largest absolute motor rate, nan for a motor's own limit; default: the limits of the chain,
+        which may differ between the directions [m/s or rad/s].
     limits
         Whether joint ranges must hold.
     length
@@ -61,23 +59,23 @@ def velocity_polytope(
     """
     state = as_state(chain, q).require_regular()
     chain, freedom = state.chain, state.freedom
-    motor_rate = motor_limit(chain, "rate_limit", rate_limit, chain.model.upperVelocityLimit)
+    motor_rates = motor_limits(chain, "rate_limit", rate_limit, "velocity")
     require_held(state)
     space = platform_space(state, length)
 
-    upper = stated(np.array(chain.model.upperVelocityLimit))
-    upper[chain.motor_index] = motor_rate
-    lower = -upper
+    ends = chain.limits.bounds("velocity")
+    ends[chain.motor_index] = motor_rates
+    lower, upper = ends.T
     if limits:
         low, high = _stops(chain, state.q)
-        lower[low], upper[high] = 0.0, 0.0
+        lower[low], upper[high] = np.maximum(lower[low], 0.0), np.minimum(upper[high], 0.0)
     limited = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
-    rows = freedom.motions[limited]
+    rows = chain.judge.rates(state.q, freedom.motions, limited)
     # Motions that no limit sees (an idle spin) do not move the platform, because the motors hold it.
-    _, s, vt = np.linalg.svd(state.motions.basis[limited])
+    _, s, vt = np.linalg.svd(rows / chain.judge.sizes(limited)[:, None])
     seen = vt[: np.count_nonzero(s >= SINGULAR)].T
     names = tuple(
-        (f"{chain.tangent_names[k]} at {lower[k]:+.6g}", f"{chain.tangent_names[k]} at {upper[k]:+.6g}")
+        (f"{chain.limits.names[k]} at {lower[k]:+.6g}", f"{chain.limits.names[k]} at {upper[k]:+.6g}")
         for k in limited
     )
     shape = image_of_limits(
@@ -88,33 +86,23 @@ def velocity_polytope(
     return space.polytope(shape, "velocity")
 
 
-def _stops(chain: ClosedChain, q: Configuration) -> tuple[list[int], list[int]]:
-    """Tangent entries that stand at their lower and at their upper end."""
-    model = chain.model
-    low: list[int] = []
-    high: list[int] = []
-    outside: dict[str, tuple[float, float, float]] = {}
-    for name, joint in zip(model.names[1:], model.joints[1:], strict=True):
-        if joint.nq != 1:
-            continue
-        value, k = float(q[joint.idx_q]), joint.idx_v
-        least, most = (float(x[joint.idx_q]) for x in (model.lowerPositionLimit, model.upperPositionLimit))
-        slack = _AT_LIMIT * float(chain.tangent_scale[k])
-        if not least - slack <= value <= most + slack:
-            outside[name] = (value, least, most)
-        if value <= least + slack:
-            low.append(k)
-        if value >= most - slack:
-            high.append(k)
+def _stops(chain: ClosedChain, q: Configuration) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the limits that stand at their lower and at their upper end."""
+    outside = chain.judge.positions(q)
     if outside:
-        listed = "; ".join(
-            f"'{n}' at {x:.6g}, allowed {a:.6g} to {b:.6g}" for n, (x, a, b) in outside.items()
-        )
+        listed = "; ".join(map(str, outside))
         raise UnreachableError(
             f"joints exceed their ranges: {listed}; choose another configuration, or limits=False",
-            violations=outside,
-            residual=max(max(a - x, x - b) for x, a, b in outside.values()),
+            violations={excess.joint: (excess.value, *excess.allowed) for excess in outside},
+            residual=max(excess.by for excess in outside),
             iterations=0,
             q=q,
         )
-    return low, high
+    low: list[int] = []
+    high: list[int] = []
+    for asked in chain.judge.asked(q[None]):
+        slack = chain.judge.slack(asked)
+        lower, upper = chain.limits.bounds("position", asked.rows).T
+        low += asked.rows[asked.values[0] <= lower + slack[:, 0]].tolist()
+        high += asked.rows[asked.values[0] >= upper - slack[:, 1]].tolist()
+    return np.array(low, dtype=int), np.array(high, dtype=int)

@@ -6,7 +6,7 @@ import numpy as np
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.mechanics.capability.enumeration import image_of_limits
-from stewart_pin.mechanics.capability.platform_space import motor_limit, platform_space
+from stewart_pin.mechanics.capability.platform_space import motor_limits, platform_space
 from stewart_pin.mechanics.capability.polytope import Polytope
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
@@ -31,7 +31,7 @@ def wrench_polytope(
 
     By virtual work, with N the motions that keep the loops closed and P the platform's Jacobian,
 
-    .. math:: (P N)^\top w = (S N)^\top \tau - N^\top g(q), \qquad |\tau| \le \tau_{max}.
+    .. math:: (P N)^\top w = (S N)^\top \tau - N^\top g(q), \qquad \tau_{min} \le \tau \le \tau_{max}.
 
     The set is exact: a skewed box with 64 corners for six motors and six freedoms, a zonotope for redundant motors.
     A wrench that the structure carries without any motor (across the plane of a planar robot) is left out; joints at
@@ -44,7 +44,8 @@ def wrench_polytope(
     q
         (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     effort_limit
-        (nu,) or one number: largest absolute motor effort; default: the file's effort limits [N or N m].
+        (nu,) or one number: largest absolute motor effort, nan for a motor's own limit; default: the limits of the
+        chain, which may differ between push and pull [N or N m].
     gravity
         Whether the motors carry the weight of all bodies first; otherwise everything is weightless.
     length
@@ -67,18 +68,21 @@ def wrench_polytope(
     """
     state = as_state(chain, q).require_regular()
     chain, freedom = state.chain, state.freedom
-    most = motor_limit(chain, "effort_limit", effort_limit, chain.model.upperEffortLimit)
+    ends = motor_limits(chain, "effort_limit", effort_limit, "effort")
     require_held(state)
     space = platform_space(state, length)
 
-    # Efforts in shares of their limits, so that all bounds are one.
-    motors = (freedom.motions[chain.motor_index].T) * most
-    weight = np.zeros(freedom.motions.shape[1])
+    # Efforts from the middle of their ranges, in shares of them, so that all bounds are one.
+    middle, half = ends.mean(axis=1), (ends[:, 1] - ends[:, 0]) / 2
+    motors = freedom.motions[chain.motor_index].T * half
+    weight = -freedom.motions[chain.motor_index].T @ middle
     if gravity:
-        weight = freedom.motions.T @ state.weight
+        weight = weight + freedom.motions.T @ state.weight
     held, efforts = _inner_balance(space.share, motors, weight)
     to_platform = np.linalg.pinv(space.share.T)
-    names = tuple((f"{m} at {-x:+.6g}", f"{m} at {x:+.6g}") for m, x in zip(chain.motors, most, strict=True))
+    names = tuple(
+        (f"{m} at {a:+.6g}", f"{m} at {b:+.6g}") for m, (a, b) in zip(chain.motors, ends, strict=True)
+    )
     shape = image_of_limits(
         efforts, -1.0 - held, 1.0 - held, names,
         to_platform @ motors @ efforts, to_platform @ (motors @ held - weight),

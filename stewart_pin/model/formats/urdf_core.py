@@ -17,13 +17,16 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from stewart_pin.model.description import Joint, JointKind, Link, Outcome
+from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Outcome, loop_coordinates
 from stewart_pin.model.formats.dialect import Parts
 from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES, UrdfElements
 from stewart_pin.model.formats.urdf_shapes import SHAPE_TAGS, read_shapes
 from stewart_pin.model.formats.xml import UNLIMITED
 from stewart_pin.model.unfolding import Unfolded, unfold_cylindrical, unfold_planar, unfold_universal
 from stewart_pin.typing import FloatArray
+
+_BOTH_SIDES = ("effort", "velocity", "acceleration", "jerk")
+"""Limits of which a file gives one number for both directions."""
 
 JOINT_TYPES = {
     "fixed": JointKind.FIXED,
@@ -151,9 +154,11 @@ def joint_tags(element: etree._Element) -> tuple[str, ...]:
 def _with_axis(reader: UrdfElements, element: etree._Element, joint: Joint) -> Joint:
     """Add axis and limits."""
     # Exporters write <axis xyz="0 0 0"> and limits into fixed joints; only one-freedom joints have them.
+    owner = f"joint '{joint.name}'"
+    if joint.kind is JointKind.SPHERICAL:
+        return replace(joint, **_cones(reader, element, owner))
     if not joint.has_axis:
         return joint
-    owner = f"joint '{joint.name}'"
     axis = reader.axis(element, owner, "axis", "1 0 0")
     return replace(joint, axis=axis, **_limits(reader, element, owner, element.get("type", "")))
 
@@ -177,16 +182,122 @@ def _unfold(
     return unfold(name, *ends, placement, axis)
 
 
-def _limits(reader: UrdfElements, joint: etree._Element, owner: str, written: str) -> dict[str, float]:
-    """Read the limits of a one-freedom joint; what is absent is unlimited."""
+def _cones(reader: UrdfElements, joint: etree._Element, owner: str) -> dict[str, float]:
+    """Read how far a ball may swing and turn."""
     element = reader.optional(joint, "limit", owner)
-    if element is None:
-        return {}
-    keys = ("lower", "upper", "effort", "velocity")
+    return {} if element is None else _numbers(reader, element, owner, ("swing", "turn"))
+
+
+def read_limit(
+    reader: UrdfElements, element: etree._Element, owner: str
+) -> dict[str, float | tuple[float, float]]:
+    """Read the numbers of a ``<limit>``.
+
+    Effort, velocity, acceleration and jerk hold to both sides; ``least_effort`` and the like give another least value.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+    element
+        The limit.
+    owner
+        Joint or loop that holds it.
+
+    Returns
+    -------
+    dict
+        By the fields of `Joint`; what is absent, or so large that it means none, is infinite or missing [m, rad, N, N m
+        and their rates].
+    """
+    keys = ("lower", "upper", *_BOTH_SIDES, *(f"least_{key}" for key in _BOTH_SIDES), "deceleration")
+    limits = _numbers(reader, element, owner, keys)
+    if "deceleration" in limits:
+        # Which end of an acceleration brakes changes with the direction of the motion.
+        braking = limits.pop("deceleration")
+        if braking != limits.get("acceleration"):
+            least = min(braking, limits.get("acceleration", np.inf))
+            text = f"<limit deceleration>: accelerations are limited alike to both sides, to {least:g}"
+            reader.note(owner, text, Outcome.CHANGED)
+            limits["acceleration"] = least
+    empty = [key for key in _BOTH_SIDES if limits.get(key) == 0.0 and f"least_{key}" not in limits]
+    if empty:
+        # What exporters write for what they were not told; a joint that may do nothing would be fixed.
+        reader.note(owner, f"<limit {', '.join(empty)}> of 0: taken for not stated", Outcome.CHANGED)
+        limits = {key: value for key, value in limits.items() if key not in empty}
+    found: dict[str, float | tuple[float, float]] = dict(limits)
+    for key in _BOTH_SIDES:
+        if f"least_{key}" in limits:
+            least, most = limits[f"least_{key}"], limits.get(key, np.inf)
+            found[key] = most if least == -most else (least, most)
+            del found[f"least_{key}"]
+    return found
+
+
+def read_bounds(
+    reader: UrdfElements, element: etree._Element, owner: str, kind: JointKind
+) -> tuple[Bounds, ...]:
+    """Read the limits of a joint that closes a loop: one ``<limit>`` for each coordinate, which names it.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+    element
+        The loop.
+    owner
+        Its name, for messages.
+    kind
+        Kind of the loop; a joint of one coordinate need not name it.
+
+    Returns
+    -------
+    tuple of Bounds
+        In the order of `loop_coordinates`; empty where nothing is stated.
+    """
+    own = loop_coordinates(kind)
+    found: dict[str, Bounds] = {}
+    for limit in element.findall("limit"):
+        coordinate = limit.attrib.pop("coordinate", own[0] if len(own) == 1 else "")
+        if coordinate not in own or coordinate in found:
+            reader.note(owner, f"<limit>: which freedom of a {kind} joint it limits is not said")
+            continue
+        numbers = read_limit(reader, limit, owner)
+        numbers.pop("effort", None)  # no motor drives it
+        ends = {"lower": -np.inf, "upper": np.inf}
+        lower, upper = (_one(numbers.pop(key, default)) for key, default in ends.items())
+        spans = {
+            key: value if isinstance(value, tuple) else (-value, value) for key, value in numbers.items()
+        }
+        found[coordinate] = Bounds(position=(lower, upper), **spans)
+    return tuple(found.get(coordinate, Bounds()) for coordinate in own) if found else ()
+
+
+def _one(value: float | tuple[float, float]) -> float:
+    return value[1] if isinstance(value, tuple) else value
+
+
+def _numbers(
+    reader: UrdfElements, element: etree._Element, owner: str, keys: tuple[str, ...]
+) -> dict[str, float]:
     reader.ignore_attributes(element, owner, keys)
     for child in element.iterchildren(etree.Element):
         reader.ignore(child, owner)
     limits = {key: float(reader.numbers(element, key, 1, owner)[0]) for key in keys if key in element.attrib}
+    return {
+        key: float(np.copysign(np.inf, value)) if abs(value) >= UNLIMITED else value
+        for key, value in limits.items()
+    }
+
+
+def _limits(
+    reader: UrdfElements, joint: etree._Element, owner: str, written: str
+) -> dict[str, float | tuple[float, float]]:
+    """Read the limits of a one-freedom joint; what is absent is unlimited."""
+    element = reader.optional(joint, "limit", owner)
+    if element is None:
+        return {}
+    limits = read_limit(reader, element, owner)
     range_given = limits.keys() & {"lower", "upper"}
     if written == "continuous" and range_given:
         reader.note(owner, "<limit lower, upper>: the joint is continuous")
@@ -197,15 +308,7 @@ def _limits(reader: UrdfElements, joint: etree._Element, owner: str, written: st
             "<limit> without lower or upper: no such limit, where other readers assume 0",
             Outcome.KEPT,
         )
-    empty = [key for key in ("effort", "velocity") if limits.get(key) == 0.0]
-    if empty:
-        # What exporters write for what they were not told; a joint that may do nothing would be fixed.
-        reader.note(owner, f"<limit {', '.join(empty)}> of 0: taken for not stated", Outcome.CHANGED)
-        limits = {key: value for key, value in limits.items() if key not in empty}
-    return {
-        key: float(np.copysign(np.inf, value)) if abs(value) >= UNLIMITED else value
-        for key, value in limits.items()
-    }
+    return limits
 
 
 def read_platform(reader: UrdfElements, links: tuple[Link, ...]) -> str | None:

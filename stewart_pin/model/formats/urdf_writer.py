@@ -9,7 +9,7 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
-from stewart_pin.model.description import Joint, JointKind, Link, Mechanism, Note
+from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Mechanism, Note
 from stewart_pin.model.formats.side_cars import COMPLETE, find_beside
 from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES
 from stewart_pin.model.formats.urdf_placements import write_origin
@@ -103,13 +103,52 @@ def _write_joint(robot: etree._Element, joint: Joint) -> None:
     etree.SubElement(element, "parent", link=joint.parent)
     etree.SubElement(element, "child", link=joint.child)
     write_origin(element, joint.placement)
+    if joint.kind is JointKind.SPHERICAL:
+        _write_stated(element, {"swing": joint.swing, "turn": joint.turn})
     if not joint.has_axis:
         return
     etree.SubElement(element, "axis", xyz=number_text(joint.axis))
     # URDF readers require effort and velocity, and take an absent lower or upper limit for 0.
-    limits = {"effort": joint.effort, "velocity": joint.velocity}
+    bounds = joint.bounds
+    limits = {"effort": bounds.effort[1], "velocity": bounds.velocity[1]}
     if not unlimited:
         limits |= {"lower": joint.lower, "upper": joint.upper}
-    if not np.isinf(list(limits.values())).all() or not unlimited:
+    limits |= _further(bounds)
+    if not unlimited or not np.isinf(list(limits.values())).all():
         finite = {key: number_text([np.clip(value, -UNLIMITED, UNLIMITED)]) for key, value in limits.items()}
         etree.SubElement(element, "limit", finite)
+
+
+def write_bounds(owner: etree._Element, bounds: Bounds, **attributes: str) -> None:
+    """Write what a coordinate of a loop may do as a ``<limit>``; nothing where nothing is stated.
+
+    Parameters
+    ----------
+    owner
+        Element that gets the limit.
+    bounds
+        Limits.
+    **attributes
+        Further attributes of the limit.
+    """
+    lower, upper = bounds.position
+    limits = {"lower": lower, "upper": upper, "velocity": bounds.velocity[1]} | _further(bounds)
+    _write_stated(owner, limits, **attributes)
+
+
+def _further(bounds: Bounds) -> dict[str, float]:
+    """Limits that URDF's four numbers do not say, in the words of `read_limit`."""
+    found = {"acceleration": bounds.acceleration[1], "jerk": bounds.jerk[1]}
+    found = {key: value for key, value in found.items() if np.isfinite(value)}
+    for key in ("effort", "velocity", "acceleration", "jerk"):
+        least, most = getattr(bounds, key)
+        # A zero alone is taken for not stated.
+        if least != -most or most == 0.0:
+            found |= {key: most, f"least_{key}": least}
+    return found
+
+
+def _write_stated(owner: etree._Element, limits: dict[str, float], **attributes: str) -> None:
+    finite = {key: number_text([value]) for key, value in limits.items() if np.isfinite(value)}
+    if finite:
+        etree.SubElement(owner, "limit", {**attributes, **finite})

@@ -13,6 +13,7 @@ from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 KINDS = ("stroke", "rate", "effort", "singularity", "closure_lost", "diverged", "controller", "energy")
 """Names of events."""
+_WORDS = {"position": "stroke", "velocity": "rate", "effort": "effort"}
 _MOST = 1000
 """Events kept of one run: more would not fit a reader, and memory must not grow with the run."""
 
@@ -26,11 +27,13 @@ class Event:
     time
         End of the step in which it began [s].
     kind
-        One of ``stroke``, ``rate``, ``effort``: a motor reached its limit; ``singularity``: the motors' hold on the
-        platform, or the distance of the loops to a singularity of theirs, fell below the threshold; ``closure_lost``,
-        ``diverged``, ``controller`` (it gave no efforts), ``energy`` (the step is too large): the run ended there.
+        One of ``stroke``, ``rate``, ``effort``: a motor or another joint passed its limit; ``singularity``: the
+        motors' hold on the platform, or the distance of the loops to a singularity of theirs, fell below the
+        threshold; ``closure_lost``, ``diverged``, ``controller`` (it gave no efforts), ``energy`` (the step is too
+        large): the run ended there.
     joint
-        The motor, the joint that moves most in the motion that is lost or gained, the loop, or ``energy``.
+        The motor or other joint, the joint that moves most in the motion that is lost or gained, the loop, or
+        ``energy``.
     value
         What was reached [m, rad, m/s, rad/s, N, N m, J, or a singular value].
     limit
@@ -61,16 +64,37 @@ class Watcher:
     """
 
     def __init__(self, chain: ClosedChain, bank: MotorBank, singular: float) -> None:
-        self._chain, self._bank, self._singular = chain, bank, singular
+        self._chain, self._singular = chain, singular
         self._generic = chain.generic.count
-        self._beyond = np.zeros((3, chain.nu), dtype=bool)
+        limits, nv = chain.limits, chain.nv
+        self._tree = np.arange(nv)
+        # Motors may have been given other limits than those of the chain.
+        ends = {kind: np.array(limits.bounds(kind)) for kind in ("position", "velocity", "effort")}
+        ends["velocity"][chain.motor_index], ends["effort"][chain.motor_index] = bank.rates, bank.efforts
+        rows = {kind: np.flatnonzero(np.isfinite(ends[kind]).any(axis=1)) for kind in ends}
+        position, velocity = (rows[kind][rows[kind] < nv] for kind in ("position", "velocity"))
+        self._driven = np.flatnonzero(np.isin(chain.motor_index, rows["effort"]))
+        self._v, self._q = velocity, np.array([_entry(chain, row) for row in position], dtype=int)
+        # What closes loops, and the cones of balls, cost more, and are looked at only where they have limits.
+        beyond = [(kind, rows[kind][rows[kind] >= nv]) for kind in ("position", "velocity")]
+        self._others = any(own.size for _, own in beyond)
+        watched = [
+            ("position", position),
+            ("velocity", velocity),
+            ("effort", chain.motor_index[self._driven]),
+            *(one for one in beyond if one[1].size),
+        ]
+        self._least, self._most = np.concatenate([ends[kind][own] for kind, own in watched]).T.copy()
+        self._kinds = [_WORDS[kind] for kind, own in watched for _ in own]
+        self._names = [limits.names[row] for _, own in watched for row in own]
+        self._beyond = np.zeros(len(self._names), dtype=bool)
         self._near_singular = False
         self.events: list[Event] = []
         self.dropped = 0
 
     @property
     def memory(self) -> tuple[np.ndarray, bool]:
-        """Which events last, (3, nu) of motors and that of a singularity, for a run that goes on; dimensionless."""
+        """Which events last, (k,) of limits and that of a singularity, for a run that goes on; dimensionless."""
         return self._beyond, self._near_singular
 
     @memory.setter
@@ -97,7 +121,7 @@ class Watcher:
         return event
 
     def limits(self, t: float, q: Configuration, v: Tangent, command: FloatArray) -> list[Event]:
-        """Compare the motors with their limits.
+        """Compare motors, passive joints and joints that close loops with their limits.
 
         Parameters
         ----------
@@ -115,26 +139,28 @@ class Watcher:
         list of Event
             Those that began.
         """
-        bank, chain = self._bank, self._chain
-        position, rate = q[chain.motor_q_index], v[chain.motor_index]
-        beyond = np.array(
-            [
-                (position < bank.lower) | (position > bank.upper),
-                np.abs(rate) > bank.rate_limit,
-                np.abs(command) > bank.effort_limit,
-            ]
-        )
+        values = self._values(q, v, command)
+        beyond = (values < self._least) | (values > self._most)
         new = beyond & ~self._beyond
         self._beyond = beyond
-        if not new.any():
+        if np.count_nonzero(new) == 0:
             return []
-        values = (position, np.abs(rate), np.abs(command))
-        nearest = np.where(position > bank.upper, bank.upper, bank.lower)
-        limits = (nearest, bank.rate_limit, bank.effort_limit)
-        return [
-            self.note(Event(t, KINDS[kind], chain.motors[k], float(values[kind][k]), float(limits[kind][k])))
-            for kind, k in np.argwhere(new)
-        ]
+        found: list[Event] = []
+        for k in np.flatnonzero(new):
+            value = float(values[k])
+            limit = float(self._most[k] if value > self._most[k] else self._least[k])
+            kind = self._kinds[k]
+            if kind != "stroke":
+                value, limit = abs(value), abs(limit)
+            found.append(self.note(Event(t, kind, self._names[k], value, limit)))
+        return found
+
+    def _values(self, q: Configuration, v: Tangent, command: FloatArray) -> FloatArray:
+        found = [q[self._q], v[self._v], command[self._driven]]
+        if self._others:
+            asked = self._chain.judge.asked(q[None], v[None], leave=self._tree)
+            found += [each.values[0] for each in asked]
+        return np.concatenate(found)
 
     def singularity(self, t: float, q: Configuration) -> list[Event]:
         """Look how well the motors hold the platform.
@@ -159,3 +185,8 @@ class Watcher:
             return []
         name = self._chain.tangent_names[int(np.argmax(np.abs(hold.motion)))]
         return [self.note(Event(t, "singularity", name, hold.value, self._singular))]
+
+
+def _entry(chain: ClosedChain, row: int) -> int:
+    """Index in the configuration of a tangent entry that is a coordinate."""
+    return next(joint.idx_q for joint in chain.model.joints[1:] if joint.idx_v == row)

@@ -30,7 +30,7 @@ class Motors:
     coulomb_rate
         Rate at which dry friction reaches three quarters of its value [m/s or rad/s].
     effort_limit
-        Largest effort [N]; default: the file's.
+        Largest effort to both sides [N]; default: the file's limits, which may differ between the sides.
     rate_limit
         Rate at which a motor no longer pushes in the direction of its motion; its effort fades out over the last 5 %
         [m/s or rad/s]. Default: none.
@@ -61,22 +61,22 @@ class MotorBank:
     """
 
     def __init__(self, chain: ClosedChain, motors: Motors) -> None:
-        index_q, index_v = chain.motor_q_index, chain.motor_index
+        index_v = chain.motor_index
         values = {field.name: getattr(motors, field.name) for field in fields(motors)}
-        if values["effort_limit"] is None:
-            values["effort_limit"] = chain.model.effortLimit[index_v]
-        if values["rate_limit"] is None:
-            values["rate_limit"] = np.inf
+        stated = {name: values[name] is not None for name in ("effort_limit", "rate_limit")}
+        values |= {name: np.inf for name, given in stated.items() if not given}
         self._spread = {name: _per_motor(name, value, chain.nu) for name, value in values.items()}
         if not (self._spread["coulomb_rate"] > 0).all():
             raise InputError("coulomb_rate must be above zero: dry friction is regularised")
         self.inertia = self._spread["inertia"]
-        self.effort_limit = self._spread["effort_limit"]
-        self.lower = np.array(chain.model.lowerPositionLimit[index_q])
-        self.upper = np.array(chain.model.upperPositionLimit[index_q])
-        self.rate_limit = np.array(chain.model.velocityLimit[index_v])
-        if motors.rate_limit is not None:
-            self.rate_limit = self._spread["rate_limit"]
+        limits = chain.limits
+        self.lower, self.upper = limits.bounds("position", index_v).T
+        self.efforts, self.rates = limits.bounds("effort", index_v), limits.bounds("velocity", index_v)
+        if stated["effort_limit"]:
+            self.efforts = self._spread["effort_limit"][:, None] * [-1.0, 1.0]
+        if stated["rate_limit"]:
+            self.rates = self._spread["rate_limit"][:, None] * [-1.0, 1.0]
+        self._least, self._most = self.efforts.T.copy()
         self._fades = motors.rate_limit is not None
         self._rubs = bool(self._spread["viscous"].any() or self._spread["coulomb"].any())
         self._stops = bool(self._spread["stop_stiffness"].any() or self._spread["stop_damping"].any())
@@ -96,10 +96,10 @@ class MotorBank:
         numpy.ndarray
             (nu,) efforts that the drives give [N or N m].
         """
-        effort = np.minimum(np.maximum(command, -self.effort_limit), self.effort_limit)
+        effort = np.minimum(np.maximum(command, self._least), self._most)
         if not self._fades:
             return effort
-        fade = np.clip((1.0 - np.abs(rate) / self.rate_limit) / _RAMP, 0.0, 1.0)
+        fade = np.clip((1.0 - np.abs(rate) / self._spread["rate_limit"]) / _RAMP, 0.0, 1.0)
         return np.where(effort * rate > 0, effort * fade, effort)
 
     def losses(self, position: FloatArray, rate: FloatArray) -> tuple[FloatArray | float, float]:

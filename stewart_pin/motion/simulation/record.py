@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import ConvergenceError
+from stewart_pin.motion.joint_motion import JointMotion, asked_of_motion, asked_of_motors
 from stewart_pin.motion.simulation.events import Event
 from stewart_pin.motion.simulation.plant import PlantMemory
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.limits import Excess
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 
@@ -34,7 +36,7 @@ class Memory:
     doubt
         Error of the quadrature of work [J].
     watcher, loops
-        Which events last, (3, nu) of motors and that of a singularity; of the loops with the distance seen
+        Which events last, (k,) of limits and that of a singularity; of the loops with the distance seen
         (dimensionless).
     """
 
@@ -131,6 +133,8 @@ class Simulation:
         Whether the run reached its end.
     reason
         Why it ended.
+    chain
+        What moved.
     """
 
     time: FloatArray
@@ -148,9 +152,27 @@ class Simulation:
     final_state: SimulationState
     success: bool
     reason: str
+    chain: ClosedChain = field(repr=False)
 
     def __len__(self) -> int:
         return self.time.size
+
+    def check(self) -> tuple[Excess, ...]:
+        """List the limits that did not hold at the recorded instants.
+
+        Returns
+        -------
+        tuple of Excess
+            Of positions, velocities and efforts of all joints, each at its worst instant; of accelerations and jerks,
+            where they have limits, by differences of the recorded velocities.
+        """
+        chain, second = self.chain, None
+        if len(self) > 1 and any(chain.limits.stated(kind).size for kind in ("acceleration", "jerk")):
+            second = np.gradient(self.v, self.time, axis=0)
+        asked = asked_of_motion(chain, self.time, JointMotion(self.q, self.v, second))
+        at = (self.q[:, chain.motor_q_index], self.v[:, chain.motor_index], self.tau_motor)
+        asked += [each for each in asked_of_motors(chain, *at) if each.kind == "effort"]
+        return chain.judge.excesses(asked, time=self.time)
 
     def or_raise(self) -> Simulation:
         """Return the simulation, or raise what kept it from its end.
@@ -304,4 +326,5 @@ class Recorder:
             final_state=final_state,
             success=success,
             reason=reason,
+            chain=self._chain,
         )

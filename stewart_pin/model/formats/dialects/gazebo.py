@@ -11,12 +11,13 @@ References
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 
 import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.geometry.rotations import rotation_from_rpy
-from stewart_pin.model.description import JointKind, Loop, Mechanism, Note, Outcome
+from stewart_pin.model.description import Bounds, JointKind, Loop, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import Dialect, Parts
 from stewart_pin.model.formats.dialects.mimic import couple
 from stewart_pin.model.formats.dialects.mimic_plugins import take_mimic_plugins
@@ -33,6 +34,8 @@ _TYPES = {
     "fixed": JointKind.FIXED,
     "universal": JointKind.UNIVERSAL,
 }
+_FAR = 1e16
+"""SDFormat's number for no limit."""
 _IN_AXIS = ("xyz", "limit", "dynamics", "use_parent_model_frame", "initial_position")
 
 
@@ -94,11 +97,46 @@ def _read_joint(reader: UrdfElements, element: etree._Element) -> Loop:
     loop = Loop(name, kind, parent, child, pin.SE3.Identity(), placement)
     if kind is JointKind.UNIVERSAL:
         return replace(
-            loop, axis=_axis(reader, element, "axis", owner), axis2=_axis(reader, element, "axis2", owner)
+            loop,
+            axis=_axis(reader, element, "axis", owner),
+            axis2=_axis(reader, element, "axis2", owner),
+            bounds=_bounds(reader, element, ("axis", "axis2"), owner),
         )
     if kind in (JointKind.REVOLUTE, JointKind.PRISMATIC):
-        return replace(loop, axis=_axis(reader, element, "axis", owner))
+        return replace(
+            loop,
+            axis=_axis(reader, element, "axis", owner),
+            bounds=_bounds(reader, element, ("axis",), owner),
+        )
     return loop
+
+
+def _bounds(
+    reader: UrdfElements, joint: etree._Element, tags: tuple[str, ...], owner: str
+) -> tuple[Bounds, ...]:
+    """Read what the coordinates may do; they are zero where all joints are, as the frames are placed."""
+    found: list[Bounds] = []
+    for tag in tags:
+        limit = reader.child(joint, tag, owner).find("limit")
+        if limit is None:
+            found.append(Bounds())
+            continue
+        reader.only(limit, owner, (), ("lower", "upper", "effort", "velocity", "stiffness", "dissipation"))
+        numbers = {
+            shown_tag(child): float(
+                reader.parse(reader.content(child, owner), 1, f"{owner}: <{shown_tag(child)}>", owner)[0]
+            )
+            for child in limit.iterchildren(etree.Element)
+        }
+        lower, upper = numbers.get("lower", -inf), numbers.get("upper", inf)
+        velocity = numbers.get("velocity", -1.0)
+        found.append(
+            Bounds(
+                position=(-inf if lower <= -_FAR else lower, inf if upper >= _FAR else upper),
+                velocity=(-velocity, velocity) if 0 < velocity < _FAR else (-inf, inf),
+            )
+        )
+    return tuple(found) if any(each != Bounds() for each in found) else ()
 
 
 def _in_model_frame(reader: UrdfElements, joint: etree._Element, tag: str) -> bool:
@@ -132,7 +170,7 @@ def _axis(reader: UrdfElements, joint: etree._Element, tag: str, owner: str) -> 
     reader.only(axis, owner, (), _IN_AXIS)
     xyz = reader.child(axis, "xyz", owner)
     reader.only(xyz, owner, ())
-    for part in ("limit", "dynamics", "initial_position"):
+    for part in ("dynamics", "initial_position"):
         if reader.optional(axis, part, owner) is not None:
             reader.notes.append(Note(owner, f"<{part}>: a joint that closes a loop has no coordinate"))
     return reader.direction(reader.content(xyz, owner), f"{owner}: <{tag}>", owner)

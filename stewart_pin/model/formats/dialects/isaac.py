@@ -25,6 +25,7 @@ from stewart_pin.model.description import AXIS_FREE_LOOPS, JointKind, Loop, Mech
 from stewart_pin.model.formats.dialect import Dialect, Parts
 from stewart_pin.model.formats.dialects.mimic import write_mimics
 from stewart_pin.model.formats.frames import AT_ZERO, relative_at_zero
+from stewart_pin.model.formats.urdf_core import read_bounds
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.urdf_placements import pose_attributes
 from stewart_pin.model.formats.urdf_writer import save, tree_element
@@ -65,7 +66,7 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
         reader.pose(ends[1], owner),
         reader.axis(element, owner, "axis", "0 0 1" if kind in AXIS_FREE_LOOPS else ""),
     )
-    return Parts(loops=(loop,), notes=_limit_note(reader, element, owner))
+    return Parts(loops=(replace(loop, bounds=read_bounds(reader, element, owner, kind)),))
 
 
 def _read_points(reader: UrdfElements, element: etree._Element, loop: Loop) -> Parts:
@@ -85,11 +86,10 @@ def _read_points(reader: UrdfElements, element: etree._Element, loop: Loop) -> P
     placement1, placement2 = (reader.pose(origin, owner) for origin in origins)
     loop = replace(
         loop, link1=link1, link2=link2, placement1=placement1, placement2=placement2,
-        axis=placement1.rotation.T @ direction,
+        axis=placement1.rotation.T @ direction, bounds=read_bounds(reader, element, owner, loop.kind),
     )  # fmt: skip
-    notes = _limit_note(reader, element, owner)
     if loop.kind is JointKind.SPHERICAL or origins[1].get("rpy") is not None:
-        return Parts(loops=(loop,), notes=notes)
+        return Parts(loops=(loop,))
 
     def turned(mechanism: Mechanism) -> Parts:
         relative = relative_at_zero(mechanism, link1, link2, owner)
@@ -97,13 +97,7 @@ def _read_points(reader: UrdfElements, element: etree._Element, loop: Loop) -> P
         note = Note(f"loop '{loop.name}'", AT_ZERO, Outcome.CHANGED)
         return Parts(loops=(replace(loop, placement2=turned_child),), notes=(note,))
 
-    return Parts(notes=notes, later=turned)
-
-
-def _limit_note(reader: UrdfElements, element: etree._Element, owner: str) -> tuple[Note, ...]:
-    if reader.optional(element, "limit", owner) is None:
-        return ()
-    return (Note(owner, "<limit>: a joint that closes a loop has no coordinate to limit"),)
+    return Parts(later=turned)
 
 
 def write_isaac(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:

@@ -2,7 +2,8 @@
 
 A loop has a ``<predecessor link>`` and a ``<successor link>``, each with its ``<origin>``, and an ``<axis>``.
 Besides the types of URDF+, all kinds of loops are read and written: a universal one has ``<axis2>``, a distance has a
-``<length value>``.
+``<length value>``. What its coordinates may do stands in ``<limit>`` as for a joint, of a kind with several in one for
+each ``coordinate``.
 
 A coupling has a ``<predecessor link>``, a ``<successor link>`` and a ``<ratio value>``: the positions of the joints
 from the nearest common ancestor of the two links to the successor sum up to the ratio times that of the predecessor.
@@ -32,12 +33,14 @@ from stewart_pin.model.description import (
     Loop,
     Mechanism,
     Note,
+    loop_coordinates,
 )
 from stewart_pin.model.formats.dialect import Dialect, Parts
 from stewart_pin.model.formats.frames import upward
+from stewart_pin.model.formats.urdf_core import read_bounds
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.urdf_placements import write_origin
-from stewart_pin.model.formats.urdf_writer import save, tree_element
+from stewart_pin.model.formats.urdf_writer import save, tree_element, write_bounds
 from stewart_pin.model.formats.xml import number_text
 
 
@@ -50,7 +53,7 @@ def _read_loop(reader: UrdfElements, element: etree._Element) -> Parts:
         raise reader.error(f"{owner} has the type '{written}'; supported: {', '.join(LOOP_KINDS)}", owner)
     kind = JointKind(written)
     parts = {JointKind.UNIVERSAL: ("axis", "axis2"), JointKind.DISTANCE: ("length",)}.get(kind, ("axis",))
-    reader.only(element, owner, ("name", "type"), ("predecessor", "successor", *parts))
+    reader.only(element, owner, ("name", "type"), ("predecessor", "successor", "limit", *parts))
     ends = [reader.child(element, tag, owner) for tag in ("predecessor", "successor")]
     for end in ends:
         reader.only(end, owner, ("link",), ("origin",))
@@ -71,6 +74,7 @@ def _read_loop(reader: UrdfElements, element: etree._Element) -> Parts:
         axis=reader.axis(element, owner, "axis", default),
         axis2=reader.axis(element, owner, "axis2", "0 1 0" if kind is not JointKind.UNIVERSAL else ""),
         length=length,
+        bounds=read_bounds(reader, element, owner, kind),
     )
     return Parts(loops=(loop,))
 
@@ -202,6 +206,9 @@ def _write_loop(robot: etree._Element, loop: Loop) -> None:
         etree.SubElement(element, "axis2", xyz=number_text(loop.axis2))
     if loop.kind is JointKind.DISTANCE:
         etree.SubElement(element, "length", value=number_text([loop.length]))
+    own = loop_coordinates(loop.kind)
+    for coordinate, bounds in zip(own, loop.bounds, strict=False):
+        write_bounds(element, bounds, **({"coordinate": coordinate} if len(own) > 1 else {}))
 
 
 DIALECT = Dialect(

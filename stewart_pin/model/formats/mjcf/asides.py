@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from stewart_pin.model.description import Span
+from stewart_pin.model.formats.xml import UNLIMITED
+
 PLATFORM = "platform"
 """Name of the ``<text>`` that names the platform, and of the platform where there is none."""
 HOME, ASSEMBLED = "home", "assembled"
@@ -67,7 +70,7 @@ class Asides:
 
     geoms: Mapping[int, GeomSource]
     platform: str
-    speeds: Mapping[str, float]
+    speeds: Mapping[str, float | Span]
     assembled: bool = False
 
 
@@ -86,9 +89,9 @@ class AsideReader:
         self.sources = [(geom, _geom_source(mujoco, spec, geom)) for geom in spec.geoms]
         self.texts = {text.name: str(text.data) for text in spec.texts}
         self.speeds = {
-            number.name.removeprefix(SPEED): float(number.data[0])
+            number.name.removeprefix(SPEED): _speed(number.data)
             for number in spec.numerics
-            if number.name.startswith(SPEED) and number.size == 1
+            if number.name.startswith(SPEED) and number.size in (1, 2)
         }
 
     def read(self) -> Asides:
@@ -149,3 +152,9 @@ def _geom_source(mujoco: Any, spec: Any, geom: Any) -> GeomSource:
 
 def _asset_folder(spec: Any, folder: str) -> Path:
     return (Path(spec.modelfiledir) / folder).resolve()
+
+
+def _speed(data: Any) -> float | Span:
+    """Read the largest speed to both sides, or the least and the greatest, beyond what no joint reaches none."""
+    ends = [float(value) if abs(value) < UNLIMITED else float(np.copysign(np.inf, value)) for value in data]
+    return ends[0] if len(ends) == 1 else (ends[0], ends[1])

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from stewart_pin.model.description import Joint, Note, Outcome
+from stewart_pin.model.description import Joint, Note, Span
 from stewart_pin.model.formats.mjcf.compiling import import_mujoco
 from stewart_pin.model.formats.mjcf.names import given_names
-from stewart_pin.model.formats.mjcf.tree import Tree
+from stewart_pin.model.formats.mjcf.tree import MUJOCO_FAR, Tree
+
+_NONE: Span = (-np.inf, np.inf)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,15 +66,17 @@ class _MotorReader:
         self.hints: dict[str, None] = {}
 
     def read(self) -> Drive:
-        efforts: dict[str, float] = {}
+        efforts: dict[str, Span] = {}
         for k in range(self.model.nu):
             joint = self._driven(k)
             if joint is not None:
-                efforts[joint] = efforts.get(joint, 0.0) + self._effort(k)
+                before, more = efforts.get(joint, (0.0, 0.0)), self._effort(k)
+                efforts[joint] = before[0] + more[0], before[1] + more[1]
         joints = {joint.name: joint for joint in self.tree.joints}
         for number, name in enumerate(self.tree.joint_names):
             if joints[name].has_axis:
-                effort = min(efforts.get(name, np.inf), self._joint_effort(number, name))
+                least, most = _clamped(efforts.get(name, _NONE), self._joint_effort(number))
+                effort = most if least == -most else (least, most)
                 joints[name] = replace(joints[name], effort=effort, independent=name in efforts)
         motors = iter([joints[name] for name in efforts])
         ordered = tuple(next(motors) if joint.name in efforts else joint for joint in joints.values())
@@ -140,37 +144,36 @@ class _MotorReader:
             and gain[1] == 0
         )
 
-    def _effort(self, k: int) -> float:
-        """Return the largest effort that an actuator exerts on its joint [N or N m]."""
-        model, gear = self.model, abs(float(self.model.actuator_gear[k][0]))
-        effort = np.inf
+    def _effort(self, k: int) -> Span:
+        """Return the least and the greatest effort that an actuator exerts on its joint [N or N m]."""
+        model, gear = self.model, float(self.model.actuator_gear[k][0])
+        effort = _NONE
         if model.actuator_forcelimited[k]:
-            effort = self._symmetric(
-                f"actuator '{self.names[k]}'", "forcerange", model.actuator_forcerange[k]
-            )
+            effort = _span(model.actuator_forcerange[k])
         clamp_off = model.opt.disableflags & self.mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
         if model.actuator_ctrllimited[k] and self._is_plain(k) and not clamp_off:
-            gain = abs(float(model.actuator_gainprm[k][0]))
-            control = self._symmetric(f"actuator '{self.names[k]}'", "ctrlrange", model.actuator_ctrlrange[k])
-            effort = min(effort, gain * control if gain else 0.0)
-        return gear * effort
+            gain = float(model.actuator_gainprm[k][0])
+            effort = _clamped(_times(gain, _span(model.actuator_ctrlrange[k])), effort)
+        return _times(gear, effort)
 
-    def _joint_effort(self, number: int, name: str) -> float:
-        if not self.model.jnt_actfrclimited[number]:
-            return np.inf
-        return self._symmetric(f"joint '{name}'", "actuatorfrcrange", self.model.jnt_actfrcrange[number])
-
-    def _symmetric(self, owner: str, attribute: str, limits: Any) -> float:
-        lower, upper = (float(value) for value in limits)
-        if lower == -upper:
-            return upper
-        shown = f"{attribute} {lower:g} to {upper:g}"
-        if lower >= 0 or upper <= 0:
-            self.notes.append(Note(owner, f"{shown}: effort limits of one side are not kept"))
-            return np.inf
-        text = f"{shown}: efforts are limited alike on both sides, to the smaller"
-        self.notes.append(Note(owner, text, Outcome.CHANGED))
-        return min(-lower, upper)
+    def _joint_effort(self, number: int) -> Span:
+        return _span(self.model.jnt_actfrcrange[number]) if self.model.jnt_actfrclimited[number] else _NONE
 
     def _note(self, k: int, text: str) -> None:
         self.notes.append(Note(f"actuator '{self.names[k]}'", text))
+
+
+def _span(limits: Any) -> Span:
+    least, most = (float(value) for value in limits)
+    return -np.inf if least <= -MUJOCO_FAR else least, np.inf if most >= MUJOCO_FAR else most
+
+
+def _clamped(span: Span, by: Span) -> Span:
+    """Clamp the values of a range, as MuJoCo does."""
+    least, most = (min(max(end, by[0]), by[1]) for end in span)
+    return least, most
+
+
+def _times(factor: float, span: Span) -> Span:
+    ends = sorted(factor * end if factor else 0.0 for end in span)
+    return ends[0], ends[1]

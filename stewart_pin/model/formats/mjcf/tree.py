@@ -172,10 +172,8 @@ class _TreeReader:
         at = int(model.jnt_qposadr[number])
         if model.jnt_type[number] == self.types.mjJNT_BALL:
             w, x, y, z = self.qpos[at : at + 4] / np.linalg.norm(self.qpos[at : at + 4])
-            if model.jnt_limited[number]:
-                text = f"the cone of {model.jnt_range[number][1]:g} rad: limits of a ball joint are not kept"
-                self.notes.append(Note(f"joint '{name}'", text))
-            joint = Joint(name, JointKind.SPHERICAL, parent, child, placement)
+            # MuJoCo limits the whole angle of a ball's rotation.
+            joint = Joint(name, JointKind.SPHERICAL, parent, child, placement, turn=self._limits(number)[1])
             self._add(joint, np.array([x, y, z, w]))
             return
         axis, ref = np.array(model.jnt_axis[number]), float(model.qpos0[at])

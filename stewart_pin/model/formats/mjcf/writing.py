@@ -9,7 +9,8 @@ switch constraints off (``mjDSBL_CONSTRAINT``) and project its answer on the mot
 (the null space of ``efc_J``); that is exact.
 
 Limits of joint speed and the name of the platform, for which MuJoCo has no word, stand in ``<custom>``, where `load`
-finds them. What has no counterpart is left out, and noted. What MuJoCo cannot express is an `UnsupportedError`.
+finds them. What has no counterpart is left out, and noted, but for limits of acceleration and jerk, of the swing of
+balls and of joints that close loops. What MuJoCo cannot express is an `UnsupportedError`.
 
 References
 ----------
@@ -138,9 +139,9 @@ class _MjcfWriter:
         for joint, placement in body.joints:
             _write_joint(element, joint, placement)
             # A motor's own limit stands in its actuator.
-            if joint.has_axis and joint.name not in self.motors and 0 < joint.effort < np.inf:
-                effort = number_text([-joint.effort, joint.effort])
-                element[-1].set("actuatorfrcrange", effort)
+            effort = joint.bounds.effort
+            if joint.has_axis and joint.name not in self.motors and np.isfinite(effort).all() and any(effort):
+                element[-1].set("actuatorfrcrange", number_text(effort))
         if body.link.inertia is not None and not is_massless(body.link.inertia):
             self._inertial(element, body.link.name, body.link.inertia)
         else:
@@ -202,13 +203,14 @@ class _MjcfWriter:
         return {name: placement for name, placement in placements.items() if name is not None}
 
     def _motor(self, actuators: etree._Element, joint: Joint) -> None:
-        if joint.effort == 0:
+        effort = joint.bounds.effort
+        if not any(effort):
             raise UnsupportedError(
                 f"motor '{joint.name}' has the effort limit 0, which MuJoCo takes for none; raise it, or remove it"
             )
         element = etree.SubElement(actuators, "motor", name=joint.name, joint=joint.name)
-        if np.isfinite(joint.effort):
-            element.set("forcerange", number_text([-joint.effort, joint.effort]))
+        if np.isfinite(effort).any():
+            element.set("forcerange", number_text(np.clip(effort, -MUJOCO_FAR, MUJOCO_FAR)))
 
     def _home(self, root: etree._Element, world: etree._Element) -> None:
         placed = {joint.name: (body, joint, at) for body in self.bodies for joint, at in body.joints}
@@ -228,6 +230,8 @@ def _write_joint(body: etree._Element, joint: Joint, placement: pin.SE3) -> None
     element = etree.SubElement(body, "joint", name=joint.name, type=_TYPES[joint.kind])
     if placement.translation.any():
         element.set("pos", number_text(placement.translation))
+    if joint.kind is JointKind.SPHERICAL and joint.turn < np.inf:
+        element.set("range", number_text([0.0, joint.turn]))
     if not joint.has_axis:
         return
     element.set("axis", number_text(placement.rotation @ joint.axis))

@@ -46,6 +46,8 @@ class Axis:
         Largest effort [N or N m], or None where the file states none.
     velocity
         Largest speed [m/s or rad/s].
+    acceleration
+        Largest acceleration, Drake's extension [m/s² or rad/s²].
     follow
         The axis that it follows, or None.
     """
@@ -55,6 +57,7 @@ class Axis:
     upper: float = inf
     effort: float | None = None
     velocity: float = inf
+    acceleration: float = inf
     follow: Follow | None = None
 
 
@@ -96,8 +99,9 @@ def read_axis(
         owner,
         {"lower", "upper", "effort", "velocity", "stiffness", "dissipation", "drake:acceleration"},
     )
-    lower, upper, effort, velocity = (
-        reader.bound(limit, key, owner) for key in ("lower", "upper", "effort", "velocity")
+    lower, upper, effort, velocity, acceleration = (
+        reader.bound(limit, key, owner)
+        for key in ("lower", "upper", "effort", "velocity", "drake:acceleration")
     )
     if endless:
         if lower is not None or upper is not None:
@@ -110,6 +114,7 @@ def read_axis(
         # A negative limit is none.
         effort=inf if effort is not None and effort < 0 else effort,
         velocity=inf if velocity is None or velocity < 0 else velocity,
+        acceleration=inf if acceleration is None or acceleration < 0 else acceleration,
         follow=follow,
     )
 

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import FileFormatError, MechanismError
-from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Note, Outcome
+from stewart_pin.model.description import Bounds, Coupling, Joint, JointKind, Link, Loop, Note, Outcome
 from stewart_pin.model.formats.sdf.axes import Axis
 from stewart_pin.model.formats.sdf.frames import WORLD
 from stewart_pin.model.formats.sdf.joints import SdfJoint
@@ -216,9 +216,11 @@ def _close(joint: SdfJoint, source: str) -> Loop:
     loop = Loop(joint.name, joint.kind, joint.parent, joint.child, joint.in_parent, joint.in_child)
     match joint.axes:
         case [only]:
-            return replace(loop, axis=only.direction)
+            return replace(loop, axis=only.direction, bounds=_bounds(only))
         case [first, second]:
-            return replace(loop, axis=first.direction, axis2=second.direction)
+            return replace(
+                loop, axis=first.direction, axis2=second.direction, bounds=_bounds(first) + _bounds(second)
+            )
     return loop
 
 
@@ -270,6 +272,24 @@ def _row(joint: SdfJoint, child: str, placement: pin.SE3, axes: list[FloatArray]
     return unfold_universal(joint.name, joint.parent, child, placement, axes[0], axes[1])
 
 
+def _bounds(axis: Axis) -> tuple[Bounds]:
+    """Gather the limits of a joint that closes a loop: its coordinate is zero where the model is placed."""
+    return (
+        Bounds(
+            position=(axis.lower, axis.upper),
+            velocity=(-axis.velocity, axis.velocity),
+            acceleration=(-axis.acceleration, axis.acceleration),
+        ),
+    )
+
+
 def _limited(joint: Joint, axis: Axis) -> Joint:
     effort = np.inf if axis.effort is None else axis.effort
-    return replace(joint, lower=axis.lower, upper=axis.upper, effort=effort, velocity=axis.velocity)
+    return replace(
+        joint,
+        lower=axis.lower,
+        upper=axis.upper,
+        effort=effort,
+        velocity=axis.velocity,
+        acceleration=axis.acceleration,
+    )
