@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
+
+import numpy as np
 
 from stewart_pin.model.description import Joint, JointKind, Mechanism
 
@@ -59,7 +60,7 @@ def motor_candidates(mechanism: Mechanism) -> tuple[str, ...]:
     hinted = {name: k for k, name in enumerate(mechanism.motor_hints)}
 
     def rank(joint: Joint) -> tuple[float, ...]:
-        stated = math.isfinite(joint.effort) and joint.effort > 0
+        stated = bool(np.isfinite(joint.bounds.effort).any())
         hint = hinted.get(joint.name, len(hinted))
         return hint, joint.name in follow, not stated, depth[joint.parent]
 

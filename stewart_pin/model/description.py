@@ -334,10 +334,10 @@ class Mechanism:
     odd_inertias
         Links whose inertia no real body has, one principal moment being above the sum of the others, and which are kept
         as the file has them; elsewhere such an inertia is an error.
-    motor_hints
-        Joints that the file names as driven, but not so that they could be taken for the motors.
     assembled
         Whether the file places the links themselves, so that its home closes every loop, whatever the limits say.
+    motor_hints
+        Joints that the file names as driven, but not so that they could be taken for the motors.
     """
 
     name: str

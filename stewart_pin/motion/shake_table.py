@@ -224,7 +224,9 @@ class _Fit:
             asked = asked_of_others(self.chain, samples, instants)
         except ClosureError as error:
             return [
-                Binding("reach", self.chain.platform, float(samples.time[0]), error.residual, 0.0, np.inf)
+                Binding(
+                    "reach", self.chain.platform_link, float(samples.time[0]), error.residual, 0.0, np.inf
+                )
             ]
         time = samples.time if instants is None else samples.time[list(instants)]
         return self._used(asked, time)
