@@ -315,7 +315,7 @@ class Judge:
         guess = None if self._from_home else self._kernels._configurations(place[None], 1).states[0]
         try:
             if coordinates == "motor":
-                closure = stp.forward_kinematics(chain, place, q_guess=guess, throw=False)
+                closure = stp.forward_kinematics(chain, place, q_guess=guess, limits=False, throw=False)
                 if not closure.success:
                     return None
                 here = stp.motion_map(closure.state)
