@@ -37,6 +37,8 @@ _EXACT = 1e-13
 """Singular values below this are round-off of a mechanism whose numbers are exact."""
 _SAMPLES = 8
 """Configurations along the motion, and as many for each of its freedoms, that join the equations at a time."""
+_LARGEST = 250
+"""Places times configurations for each sample, beyond which the equations take minutes."""
 _PROBES = 2
 """Configurations on which a mechanism that is exact at home is tried."""
 _ROUNDS = 4
@@ -95,7 +97,10 @@ def settle_printed(chain: ClosedChain, forgiven: float | Precision) -> ClosedCha
         forgiven = min(_COARSEST, _MARGIN * half_unit * np.sqrt(6 * max(1, len(places))))
     if not (forgiven > 0 and chain.loops):
         return settle_home(chain)
-    moved = _absorbed(chain, near_home(chain, forgiven, searching=False), places, forgiven)
+    try:
+        moved = _absorbed(chain, near_home(chain, forgiven, searching=False), places, forgiven)
+    except _Undecided as undecided:
+        return _as_it_stands(chain, undecided)
     if moved is not None:
         return moved
     try:
@@ -106,8 +111,31 @@ def settle_printed(chain: ClosedChain, forgiven: float | Precision) -> ClosedCha
         if moved is None:
             raise
         return moved
-    moved = _absorbed(chain, settled.q_home, places, forgiven)
+    try:
+        moved = _absorbed(chain, settled.q_home, places, forgiven)
+    except _Undecided as undecided:
+        return _with_note(settled, undecided)
     return settled if moved is None else moved
+
+
+class _Undecided(MechanismError):
+    """By the digits of the file there are more freedoms than by its numbers, and no mechanism near that has them."""
+
+    finding = ""
+
+
+def _as_it_stands(chain: ClosedChain, undecided: _Undecided) -> ClosedChain:
+    """Take the numbers as they are, where the loops close with them, and say so."""
+    try:
+        settled = settle_home(chain)
+    except MechanismError:
+        raise undecided from None
+    return _with_note(settled, undecided)
+
+
+def _with_note(chain: ClosedChain, undecided: _Undecided) -> ClosedChain:
+    note = Note("loops", f"{undecided.finding}; its numbers were taken as they stand", Outcome.KEPT)
+    return replace(chain, mechanism=replace(chain.mechanism, notes=(*chain.mechanism.notes, note)))
 
 
 def _absorbed(
@@ -128,6 +156,8 @@ def _absorbed(
         probe = _Walk(home.state, rank, forgiven, _REGULAR[0], np.random.default_rng(0)).on(chain, _PROBES)
         if probe is None or _open(probe) <= CLOSED:
             return None
+    if len(places) * (1 + chain.nv - rank) > _LARGEST:
+        raise _undecided(chain, gap, spurious, "the mechanism is too large to look for one that keeps them")
     rng, ease = np.random.default_rng(0), np.ones(6 * len(places))
     for regular in _REGULAR:
         walk = _Walk(home.state, rank, forgiven, regular, rng)
@@ -152,15 +182,16 @@ def _absorbed(
     raise _undecided(chain, gap, spurious, "no near mechanism was found that keeps this freedom")
 
 
-def _undecided(chain: ClosedChain, gap: float, values: FloatArray, why: str) -> MechanismError:
+def _undecided(chain: ClosedChain, gap: float, values: FloatArray, why: str) -> _Undecided:
     freedoms = chain.nv - (min(chain.nc, chain.nv) - values.size)
-    return MechanismError(
+    finding = (
         f"the loops close to {gap:.2g} robot sizes or radians, and their rows have the singular value "
         f"{values.max(initial=0.0):.2g}: by the digits of the file there are {freedoms} freedoms, by its numbers "
-        f"fewer, and {why}; print more digits, or let load take the numbers as they stand by closure_tolerance=1e-15",
-        path=chain.mechanism.source,
-        culprit="loops",
+        f"fewer, and {why}"
     )
+    error = _Undecided(f"{finding}; print more digits", path=chain.mechanism.source, culprit="loops")
+    error.finding = finding
+    return error
 
 
 class _Walk:
