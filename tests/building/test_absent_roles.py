@@ -104,6 +104,7 @@ ANSWERS: dict[str, Callable[[stp.ClosedChain, Path], Any]] = {
     "on_floating_base": lambda c, f: stp.on_floating_base(c, base_inertia=PAYLOAD),
     "replace_inertias": lambda c, f: stp.replace_inertias(c, {}),
     "simulate": lambda c, f: stp.simulate(c, c.q_home, np.zeros(3), duration=0.02, dt=1e-3).q,
+    "with_limits": lambda c, f: stp.with_limits(c, {"a": {"velocity": 2.0}}),
     "with_motors": lambda c, f: stp.with_motors(c, ["a"]),
     "with_platform": lambda c, f: stp.with_platform(c, "finger"),
     "write_urdf": lambda c, f: stp.write_urdf(c, f / "out.urdf"),

@@ -82,8 +82,8 @@ def test_conditioning_comes_along(name: str, rng: np.random.Generator) -> None:
             np.testing.assert_allclose(found, value, rtol=1e-11, atol=1e-11, err_msg=verb)
         pose = many.forward_kinematics(*arguments) if verb == "forward_kinematics" else arguments[0]
         alone = many.conditioning(pose)
-        if verb.startswith("forward_dynamics") or verb == "motor_jacobian":
-            # Fewer pivots: nothing for motors to hold.
+        if verb.startswith("forward_dynamics") or verb == "motor_jacobian" or "kinematics" in verb:
+            # Fewer pivots: nothing for motors to hold, or no dynamics to lose digits again.
             assert (conditioning >= alone * (1 - 1e-9)).all(), verb
         elif verb in {"reactions", "regressor"}:
             assert (conditioning > 0.1).all(), verb  # of legs, or of the whole tree with pivots of its own

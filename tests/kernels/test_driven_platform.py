@@ -237,7 +237,9 @@ def test_conditioning_sees_what_the_motors_do_not_hold(rng: np.random.Generator)
     lengths, rest = on_platform.inverse_kinematics(poses), np.zeros(6)
     values, graded = many.conditioning(lengths), np.zeros(4)
     assert (np.diff(values) < 0).all() and 0.3 < values[0] < 3.0
-    np.testing.assert_allclose(values, on_platform.conditioning(poses), rtol=1e-9)
+    # Poses are looked for, and lose digits before the dynamics lose them again.
+    alone = on_platform.conditioning(poses)
+    np.testing.assert_allclose(values, np.minimum(alone, alone**2), rtol=1e-9)
     # Rates of the platform follow from the motors' by the same pivots, whatever the verb.
     many.forward_dynamics(lengths, rest, rest, conditioning=graded)
     np.testing.assert_allclose(graded, values, rtol=1e-9)
