@@ -65,6 +65,21 @@ def fit_to_limits(t: Telling, c: Case) -> Answers:
     return answers
 
 
+@asks("with_limits", "limits_exceeded")
+def limits(t: Telling, c: Case) -> Answers:
+    """Motors may go at half the speed that they have, one side told by its sign; joints beside them are free."""
+    q, v, _ = t.state(c.near, keeps_closed(c, c.near))
+    rates = dict(zip(t.chain.motors, v[t.chain.motor_index], strict=True))
+    bounds = {
+        name: (0.0, abs(rate) / 2) if rate > 0 else (-abs(rate) / 2, 0.0) for name, rate in rates.items()
+    }
+    slow = stp.with_limits(t.chain, {name: {"velocity": span} for name, span in bounds.items()})
+    beyond = {e.joint: e for e in stp.limits_exceeded(slow.at(q, v)) if e.kind == "velocity"}
+    by = [beyond[name].by if name in beyond else 0.0 for name in t.chain.motors]
+    end = [beyond[name].limit if name in beyond else 0.0 for name in t.chain.motors]
+    return {"by": t.unsigned(np.array(by)), "end": t.motors(np.array(end))}
+
+
 @asks("ComputedTorque")
 def computed_torque(t: Telling, c: Case) -> Answers:
     reference = lambda times: told_motion(t, c, 1.0, times)  # noqa: E731
