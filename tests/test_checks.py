@@ -83,6 +83,7 @@ EXAMPLES = [
     errors.FileMissingError("no such file", path="a.urdf"),
     errors.MechanismError("two parents", path="a.urdf", culprit="link"),
     errors.UnsupportedError("not yet"),
+    errors.MissingRoleError("no platform", missing="platform", candidates=["hand", "finger"]),
     errors.ClosureError("open", residual=0.1, iterations=3, q=np.arange(3.0)),
     errors.UnreachableError(
         "far", violations={"leg1": (3.0, 1.0, 2.0)}, residual=0.0, iterations=1, q=np.zeros(2)
