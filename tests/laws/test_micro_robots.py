@@ -64,7 +64,13 @@ def answers(chain: stp.ClosedChain, share: float, rng: np.random.Generator) -> d
 
 
 @pytest.mark.parametrize("share", AGREE)
-@pytest.mark.parametrize("name", slow_but_for_few(stp.robots()))
+@pytest.mark.parametrize(
+    "name",
+    [
+        *slow_but_for_few(n for n in stp.robots() if n != "delta"),
+        pytest.param("delta", marks=pytest.mark.slow),
+    ],
+)
 def test_efforts_are_in_proportion_to_masses(name: str, share: float) -> None:
     usual = answers(robot(name), 1.0, np.random.default_rng(5))
     micro = answers(light(name, share), share, np.random.default_rng(5))

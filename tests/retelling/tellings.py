@@ -92,9 +92,10 @@ class _Written:
         # MuJoCo has no hinge as a loop: two balls stand for it.
         more: dict[str, Any] = {"same_rows": self.format != "mjcf"}
         if self.digits is not None:
-            # A number keeps half a unit of its last digit; elimination multiplies that by condition numbers near 100.
+            # A number keeps half a unit of its last digit; elimination multiplies that by condition numbers near 100,
+            # and planar loops are moved by as much again until they close.
             more["exact"] = False
-            more["tolerance"] = 200 * 0.5 * 10.0 ** (1 - self.digits)
+            more["tolerance"] = 400 * 0.5 * 10.0 ** (1 - self.digits)
         try:
             return by_change(
                 name,
