@@ -53,6 +53,17 @@ ALIKE = ("stewart_cad", "stewart_s1")
 """Robots that differ from `stewart` by their numbers only."""
 
 
+IDLE_SPINS = [
+    ("stewart_sps", telling)
+    for telling in ("cut elsewhere", "all at once with six digits", "all at once with nine digits")
+]
+IDLE = pytest.mark.xfail(
+    strict=True,
+    reason="joint_motor_map and fits of legs that may spin depend on where loops are cut; with few digits closed forms, "
+    "polytopes and vibrations refuse them",
+)
+
+
 def answer(verb: Verb, telling: Telling) -> Answers | str:
     """Ask, and take a refusal for an answer."""
     try:
@@ -111,10 +122,10 @@ def disagreements(told: Telling, questions: list[str]) -> dict[str, str]:
     return found
 
 
-def told_robots() -> list[tuple[str, str]]:
+def told_robots() -> list[object]:
     """All robots and tellings; other hexapods of the same build as `stewart` in those that hold all the others."""
     return [
-        (robot, telling)
+        pytest.param(robot, telling, marks=[IDLE] if (robot, telling) in IDLE_SPINS else [])
         for robot in stp.robots()
         for telling in TELLINGS
         if robot not in ALIKE or telling.startswith(("all at once", "base", "cut"))
