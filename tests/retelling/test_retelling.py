@@ -59,8 +59,8 @@ IDLE_SPINS = [
 ]
 IDLE = pytest.mark.xfail(
     strict=True,
-    reason="joint_motor_map and fits of legs that may spin depend on where loops are cut; with few digits closed forms, "
-    "polytopes and vibrations refuse them",
+    reason="joint_motor_map and fits of legs that may spin depend on where loops are cut; with few digits "
+    "closed forms, polytopes and vibrations refuse them",
 )
 
 
