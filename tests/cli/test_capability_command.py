@@ -3,32 +3,19 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from stewart_pin.cli.entry import main
+from tests.cli import running
 
 
-@pytest.fixture
-def run(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., tuple[int, str, str]]:
-    """Run the command in this process: starting a new one takes longer than the command."""
-
-    def command(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["stewart_pin", "capability", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        printed = capsys.readouterr()
-        return int(ended.value.code or 0), printed.out, printed.err
-
-    return command
+def run(*arguments: str) -> tuple[int, str, str]:
+    answer = running.run("capability", *arguments)
+    return answer.returncode, answer.stdout, answer.stderr
 
 
-def test_figures_of_the_report_stand_in_table_picture_and_file(run, tmp_path: Path) -> None:
+def test_figures_of_the_report_stand_in_table_picture_and_file(tmp_path: Path) -> None:
     figures, plot = tmp_path / "figures.json", tmp_path / "new" / "sets.png"
     code, out, err = run(
         "stewart_cad", "--pose", "0,0,0.8,0,0,0", "--no-limits", "--json", str(figures), "--plot", str(plot)
@@ -46,7 +33,7 @@ def test_figures_of_the_report_stand_in_table_picture_and_file(run, tmp_path: Pa
     assert written["motor_positions"]["leg1"] == pytest.approx(0.76404, abs=1e-5)
 
 
-def test_load_of_the_report(run, tmp_path: Path) -> None:
+def test_load_of_the_report(tmp_path: Path) -> None:
     figures = tmp_path / "figures.json"
     code, _out, err = run(
         "stewart", "--pose", "1,1,1,0,0,0", "--no-limits", "--effort-limit", "1e4", "--json", str(figures)
@@ -58,7 +45,7 @@ def test_load_of_the_report(run, tmp_path: Path) -> None:
     assert row["limits"][1].startswith("leg6")
 
 
-def test_weak_motors_are_told(run) -> None:
+def test_weak_motors_are_told() -> None:
     code, out, err = run("stewart", "--effort-limit", "30")
     assert code == 0, err
     assert "cannot hold the robot's own weight" in out
@@ -74,7 +61,7 @@ def test_weak_motors_are_told(run) -> None:
         (("stewart", "--rate-limit", "0"), "rate_limit must be finite and above zero"),
     ],
 )
-def test_bad_input_ends_in_one_line_and_code_2(run, arguments, words) -> None:
+def test_bad_input_ends_in_one_line_and_code_2(arguments, words) -> None:
     code, _out, err = run(*arguments)
     assert code == 2
     assert words in err and err.count("\n") == 1 and "Traceback" not in err

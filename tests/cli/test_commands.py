@@ -9,12 +9,15 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.running import run
 from tests.small_urdf import bundled, write
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "stewart_pin", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+def test_the_module_is_a_command() -> None:
+    command = [sys.executable, "-m", "stewart_pin", "modes", "nosuch"]
+    answer = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert answer.returncode == 2 and not answer.stdout
+    assert len(answer.stderr.strip().splitlines()) == 1 and "nosuch" in answer.stderr
 
 
 def test_help_comes_without_arguments() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_commands import run
+from tests.cli.running import run
 from tests.model.small_mjcf import QPOS, WORKSHOP, write
 
 pytest.importorskip("mujoco")

@@ -3,33 +3,19 @@
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from stewart_pin.cli.entry import main
-
-
-@pytest.fixture
-def run(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., tuple[int, str, str]]:
-    """Run the command in this process: starting a new one takes longer than the command."""
-
-    def command(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["stewart_pin", "singularity", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        printed = capsys.readouterr()
-        return int(ended.value.code or 0), printed.out, printed.err
-
-    return command
+from tests.cli import running
 
 
-def test_a_right_angle_is_named(run, tmp_path: Path) -> None:
+def run(*arguments: str) -> tuple[int, str, str]:
+    answer = running.run("singularity", *arguments)
+    return answer.returncode, answer.stdout, answer.stderr
+
+
+def test_a_right_angle_is_named(tmp_path: Path) -> None:
     figures = tmp_path / "figures.json"
     code, out, err = run("stewart", "--pose", f"0,0,1,0,0,{np.pi / 2!r}", "--json", str(figures))
     assert code == 0, err
@@ -41,7 +27,7 @@ def test_a_right_angle_is_named(run, tmp_path: Path) -> None:
     assert len(written["worst_wrench"]) == 6
 
 
-def test_a_regular_pose_and_its_axes(run, tmp_path: Path) -> None:
+def test_a_regular_pose_and_its_axes(tmp_path: Path) -> None:
     figures = tmp_path / "figures.json"
     code, out, err = run("five_bar", "--axes", "vx,vy", "--length", "0.1", "--json", str(figures))
     assert code == 0, err
@@ -52,7 +38,7 @@ def test_a_regular_pose_and_its_axes(run, tmp_path: Path) -> None:
     assert json.loads(figures.read_text())["measures"]["loop"] is None  # no loops
 
 
-def test_bad_input_ends_in_one_line(run) -> None:
+def test_bad_input_ends_in_one_line() -> None:
     code, _, err = run("five_bar", "--axes", "vx,q")
     assert code == 2 and "axes must be some of vx, vy" in err
     code, _, err = run("five_bar", "--length", "0")

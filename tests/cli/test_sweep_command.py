@@ -9,36 +9,24 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.cli.entry import main
+from tests.cli import running
 
 ROOT = Path(__file__).parents[2]
 SMALL = ("--amplitude", "0.01:0.3:3", "--frequency", "1,5", "--instants", "40")
 
 
-@pytest.fixture
-def run(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., tuple[int, str, str]]:
-    """Run the command in this process: starting a new one takes longer than the command."""
-
-    def command(*arguments: str) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["stewart_pin", "sweep", *arguments])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        printed = capsys.readouterr()
-        return int(ended.value.code or 0), printed.out, printed.err
-
-    return command
+def run(*arguments: str) -> tuple[int, str, str]:
+    answer = running.run("sweep", *arguments)
+    return answer.returncode, answer.stdout, answer.stderr
 
 
-def test_figures_are_those_of_each_motion(run, tmp_path: Path) -> None:
+def test_figures_are_those_of_each_motion(tmp_path: Path) -> None:
     file, picture = tmp_path / "figures.json", tmp_path / "new" / "map.png"
     code, out, err = run("stewart", *SMALL, "--axis", "y", "--json", str(file), "--plot", str(picture))
     assert code == 0, err
@@ -51,8 +39,8 @@ def test_figures_are_those_of_each_motion(run, tmp_path: Path) -> None:
     chain = stp.load("stewart")
     peaks = np.array(written["results"]["peak_effort"])
 
-    def motion(amplitude: float, frequency: float, scale: float = 1.0) -> stp.PlatformSamples:
-        return stp.sinusoidal_motion(
+    def motion(amplitude: float, frequency: float, scale: float = 1.0) -> stp.motions.PlatformSamples:
+        return stp.motions.sinusoidal_motion(
             np.arange(40) / 40 / frequency,
             home=stp.platform_pose(chain, chain.q_home),
             amplitude=(0.0, scale * amplitude, 0.0),
@@ -70,7 +58,7 @@ def test_figures_are_those_of_each_motion(run, tmp_path: Path) -> None:
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_angles_have_their_units_and_lost_points_their_reason(run, tmp_path: Path) -> None:
+def test_angles_have_their_units_and_lost_points_their_reason(tmp_path: Path) -> None:
     file = tmp_path / "figures.json"
     code, out, err = run(
         "delta", "--amplitude", "0.01,0.3", "--frequency", "2", "--json", str(file), "--axis", "z"
@@ -83,7 +71,7 @@ def test_angles_have_their_units_and_lost_points_their_reason(run, tmp_path: Pat
     assert written["failures"][0]["error"] == "ClosureError" and written["failures"][0]["amplitude"] == 0.3
 
 
-def test_a_journal_saves_the_work(run, tmp_path: Path) -> None:
+def test_a_journal_saves_the_work(tmp_path: Path) -> None:
     journal, files = tmp_path / "journal", [tmp_path / "one.json", tmp_path / "two.json"]
     for file in files:
         assert run("stewart", *SMALL, "--journal", str(journal), "--json", str(file))[0] == 0
@@ -95,7 +83,7 @@ def test_a_journal_saves_the_work(run, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_an_interrupted_command_goes_on(run, tmp_path: Path) -> None:
+def test_an_interrupted_command_goes_on(tmp_path: Path) -> None:
     """Workers are processes; a terminal sends its interrupt to all of them."""
     journal, file = tmp_path / "journal", tmp_path / "figures.json"
     arguments = (
@@ -158,12 +146,12 @@ def test_an_interrupted_command_goes_on(run, tmp_path: Path) -> None:
         (("--amplitude", "9"), "all 20 points failed"),
     ],
 )
-def test_bad_input_ends_in_one_line(run, arguments: tuple[str, ...], words: str) -> None:
+def test_bad_input_ends_in_one_line(arguments: tuple[str, ...], words: str) -> None:
     code, _, err = run("delta", *arguments)
     assert code == 2 and words in err and err.startswith("error: ") and err.count("\n") == 1
 
 
-def test_equal_steps_on_demand(run, tmp_path: Path) -> None:
+def test_equal_steps_on_demand(tmp_path: Path) -> None:
     file = tmp_path / "figures.json"
     arguments = ("stewart", "--amplitude", "0:0.1:3", "--frequency", "1:2:3", "--linear", "--json", str(file))
     assert run(*arguments)[0] == 0

@@ -38,9 +38,9 @@ def leg_displacements(placed: PlacedPlatform) -> tuple[int, ...]:
     Returns
     -------
     tuple of int
-        Their places in `stewart_pin.geometry_parameters`; none unless the platform has six freedoms and as many motors
-        on legs that stand on the ground and carry it with one end each: with fewer freedoms it would turn by itself
-        when a point moves.
+        Their places in `stewart_pin.build.geometry_parameters`; none unless the platform has six freedoms and as many
+        motors on legs that stand on the ground and carry it with one end each: with fewer freedoms it would turn by
+        itself when a point moves.
     """
     plan = placed.plan
     simple = all(len(leg.ends) == 1 and not leg.on_platform for leg in plan.legs)
