@@ -28,9 +28,10 @@ _NEAR = 2e-3
 """Smallest singular value, in robot sizes, at which the walk towards a singularity stops."""
 
 
-def slow_but_for_few(names: Iterable[str]) -> list[Any]:
-    """Parameters of a test: names, those beside `FEW` marked as slow."""
-    return [name if name in FEW else pytest.param(name, marks=pytest.mark.slow) for name in names]
+def slow_but_for_few(names: Iterable[str], few: Iterable[str] = FEW) -> list[Any]:
+    """Parameters of a test: names, those beside the few marked as slow."""
+    few = tuple(few)
+    return [name if name in few else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
 @cache

@@ -1,4 +1,4 @@
-"""What stands at the front door: few names at the top, the others once, by topic, and nothing loaded before it is used."""
+"""The front door: few names at the top, the others once, by topic, and nothing loaded before it is used."""
 
 from __future__ import annotations
 

@@ -96,7 +96,7 @@ def compared_poses(name: str, count: int, seed: int) -> dict[str, int]:
     return number
 
 
-QUICK = ("arm_3r_spatial", "five_bar", "four_bar", "rpr_planar", "stewart", "stewart_sps")
+QUICK = ("four_bar", "stewart")
 ROBOTS = [
     pytest.param(name, marks=() if name in QUICK else pytest.mark.slow)
     for name in stp.robots()

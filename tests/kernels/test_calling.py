@@ -13,7 +13,7 @@ import stewart_pin as stp
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.programs.status import StateStatus
-from tests.closed_states import robot
+from tests.closed_states import robot, slow_but_for_few
 from tests.kernels.hexapod_graph import sample_states
 from tests.kernels.test_compile import kernels, platform_states
 
@@ -46,7 +46,8 @@ def calls(many: Kernels, rng: np.random.Generator, count: int) -> dict[str, tupl
     }
 
 
-@pytest.mark.parametrize("name", ["stewart", "four_bar"])  # by legs, and by way of configurations
+# By legs, and by way of configurations.
+@pytest.mark.parametrize("name", slow_but_for_few(["stewart", "four_bar"], ["four_bar"]))
 def test_results_are_written_where_told(name: str, rng: np.random.Generator) -> None:
     many = kernels(name)
     for verb, arguments in calls(many, rng, 3).items():
@@ -68,7 +69,7 @@ def test_results_are_written_where_told(name: str, rng: np.random.Generator) -> 
                 np.testing.assert_array_equal(place, value[0], err_msg=verb)
 
 
-@pytest.mark.parametrize("name", ["stewart", "four_bar"])
+@pytest.mark.parametrize("name", slow_but_for_few(["stewart", "four_bar"], ["four_bar"]))
 def test_conditioning_comes_along(name: str, rng: np.random.Generator) -> None:
     many = kernels(name)
     for verb, arguments in calls(many, rng, 3).items():

@@ -18,7 +18,7 @@ from stewart_pin.kernels.graph.platform_dynamics import place_platform
 from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.programs.status import StateStatus
-from tests.closed_states import close, derivative, robot
+from tests.closed_states import close, derivative, robot, slow_but_for_few
 from tests.kernels.platforms import PLATFORMS, motor_to_spare
 from tests.kernels.test_compile import kernels
 from tests.kernels.test_leg_reactions import carts, in_the_tree
@@ -110,9 +110,7 @@ def test_verbs_agree_with_the_one_state_verbs(name: str, rng: np.random.Generato
         close(reactions[k], effort.lambda_c, AGREE)
 
 
-@pytest.mark.parametrize(
-    "name", ["rpr_planar", *(pytest.param(n, marks=pytest.mark.slow) for n in ("stewart", "delta"))]
-)
+@pytest.mark.parametrize("name", slow_but_for_few(["rpr_planar", "stewart", "delta"], []))
 def test_all_verbs_agree_with_the_tree(
     name: str, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -197,6 +195,7 @@ def test_motors_to_spare_must_agree(rng: np.random.Generator) -> None:
         assert status.tolist() == [*2 * [StateStatus.OUT_OF_BOUNDS], *2 * [StateStatus.OK]]
 
 
+@pytest.mark.slow
 def test_derivatives_of_motors_to_spare_hold_for_what_they_can_do(rng: np.random.Generator) -> None:
     many, whole, position, velocity, acceleration = spare_states(rng, 1)
     placed, (s,) = many._functions.placed, whole

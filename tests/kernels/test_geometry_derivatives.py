@@ -17,12 +17,12 @@ from stewart_pin.errors import ClosureError, UnsupportedError
 from stewart_pin.kernels.graph.held_motion import _held
 from stewart_pin.kernels.planning.idle_freedoms import idle_moved
 from tests import mechanisms
-from tests.closed_states import KINDS, close, robot
+from tests.closed_states import KINDS, close, robot, slow_but_for_few
 from tests.kernels.held_motions import HeldState, held_state, slope
 from tests.kernels.platforms import PLATFORMS
 
 VERBS = ("inverse_dynamics", "forward_dynamics")
-SMALL = ("arm_3r_planar", "arm_3r_spatial", "arm_7r", "five_bar", "four_bar", "rpr_planar")
+SMALL = ("arm_3r_planar", "four_bar")
 # Differences of order 6 along directions of about one size, all parameters at once: (h/size)⁶/140 for shapes that
 # change over a tenth of the size, and eps/h times the condition of a robot, some hundreds, are both below 1e-9.
 STEP, RELATIVE = 2e-4, 1e-8
@@ -136,20 +136,20 @@ OTHERS = [
 
 @pytest.mark.parametrize(
     ("name", "coordinates"),
-    [pytest.param(*case, marks=() if "spare" in case[0] else pytest.mark.slow) for case in OTHERS],
+    [pytest.param(*case, marks=pytest.mark.slow) for case in OTHERS],
 )
 def test_other_structures(name: str, coordinates: str) -> None:
     """Legs that hang on the platform, a platform frame off its body, spins that tell, motors that share their load."""
     agree_along(name, coordinates, mixed(kernels_of(name, coordinates), 2))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", slow_but_for_few(KINDS, ["spherical", "gear_train"]))
 def test_every_kind_of_closure(kind: str) -> None:
     """Whole states, in which idle freedoms obey their own inertia."""
     agree_along(kind, "tree", mixed(kernels_of(kind, "tree"), 2))
 
 
-@pytest.mark.parametrize("name", ["four_bar", "five_bar"])
+@pytest.mark.parametrize("name", slow_but_for_few(["four_bar", "five_bar"], ["four_bar"]))
 def test_what_locks_has_no_derivative(name: str) -> None:
     """A parameter comes out as nan where, and only where, the chain displaced by it cannot be closed."""
     kernels, state = kernels_of(name, "motor"), state_of(name, "motor")
@@ -175,7 +175,7 @@ def test_what_locks_has_no_derivative(name: str) -> None:
         kernels.inverse_dynamics_geometry(q, state.rates, state.accelerations, along=column)
 
 
-@pytest.mark.parametrize("name", ["four_bar", "five_bar", "rpr_planar"])
+@pytest.mark.parametrize("name", slow_but_for_few(["four_bar", "five_bar", "rpr_planar"], ["four_bar"]))
 def test_combinations_keep_what_each_alone_would_lock(name: str) -> None:
     """All hinges of a planar robot tilted or shifted together, and the like."""
     kernels = kernels_of(name, "motor")
@@ -218,6 +218,7 @@ def test_legs_leave_the_rest_to_the_whole_tree(name: str) -> None:
     assert kernels_of(name, "platform")._functions.leg_displacements == ()
 
 
+@pytest.mark.slow
 def test_derivatives_that_depend_on_idle_freedoms_are_left_out(rng: np.random.Generator) -> None:
     """A ball beside the axis of its rod moves the platform with the rod's spin; one farther along the rod does not."""
     kernels, state = kernels_of("six cranks", "platform"), state_of("six cranks", "platform")

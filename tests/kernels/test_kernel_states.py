@@ -14,7 +14,14 @@ from stewart_pin.kernels.planning.tree import tree_of
 from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.model.loop_rows import orthonormal_triad
 from tests import mechanisms
-from tests.closed_states import close, derivative, random_configuration, random_motion, robot
+from tests.closed_states import (
+    close,
+    derivative,
+    random_configuration,
+    random_motion,
+    robot,
+    slow_but_for_few,
+)
 from tests.kernels.test_compile import kernels, platform_states
 
 AGREE = 1e-10
@@ -28,7 +35,7 @@ def tree_states(chain: stp.ClosedChain, rng: np.random.Generator, count: int = 3
     return [np.array(x) for x in zip(*states, strict=True)]
 
 
-@pytest.mark.parametrize("name", ["stewart_sps", "four_bar", "arm_7r"])
+@pytest.mark.parametrize("name", slow_but_for_few(["stewart_sps", "four_bar", "arm_7r"], ["four_bar"]))
 def test_states_of_the_whole_tree(name: str, rng: np.random.Generator) -> None:
     chain = robot(name)
     many = compile_kernels(chain, coordinates="tree")
@@ -100,7 +107,9 @@ def test_conditioning_falls_towards_a_singularity() -> None:
     assert four_bar.conditioning(stp.motor_positions(four_bar.chain, four_bar.chain.q_home)) > 0.1
 
 
-@pytest.mark.parametrize("name", ["four_bar", "rpr_planar", "stewart", "arm_3r_spatial"])
+@pytest.mark.parametrize(
+    "name", slow_but_for_few(["four_bar", "rpr_planar", "stewart", "arm_3r_spatial"], ["four_bar"])
+)
 def test_regressor_is_pinocchios_for_the_motors(name: str, rng: np.random.Generator) -> None:
     chain = robot(name)
     many = compile_kernels(chain, coordinates="tree")

@@ -16,7 +16,7 @@ from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, place_pl
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.kernels.report import count_operations
-from tests.closed_states import close, robot
+from tests.closed_states import close, robot, slow_but_for_few
 from tests.kernels.platforms import PLATFORMS, delta
 from tests.kernels.test_compile import kernels, platform_states
 from tests.kernels.test_platform_dynamics import call, platform, states
@@ -41,7 +41,7 @@ def test_reactions_agree_with_the_one_state_verb(name: str, rng: np.random.Gener
         close(call(reactions, pose, twist, acceleration), expected, AGREE)
 
 
-@pytest.mark.parametrize("name", BUNDLED)
+@pytest.mark.parametrize("name", slow_but_for_few(BUNDLED, ["stewart", "rpr_planar"]))
 def test_reactions_of_bundled_robots(name: str, rng: np.random.Generator) -> None:
     many = kernels(name)
     assert many.report.route == "legs"

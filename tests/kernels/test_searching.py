@@ -12,15 +12,14 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.programs.status import StateStatus
-from tests.closed_states import random_configuration, random_motion, robot
+from tests.closed_states import random_configuration, random_motion, robot, slow_but_for_few
 
 pytest.importorskip("llvmlite")
 ROBOTS = ("stewart", "delta", "five_bar", "four_bar", "rpr_planar")
 CASES = [
-    pytest.param(name, coordinates, marks=pytest.mark.slow if name in ("delta", "rpr_planar") or own else ())
+    pytest.param(name, coordinates, marks=() if name == "four_bar" else pytest.mark.slow)
     for name in ROBOTS
     for coordinates in ("platform", "motor", "tree")
-    for own in [name == "stewart" and coordinates != "platform"]
 ]
 VERBS = (
     "inverse_dynamics",
@@ -92,7 +91,7 @@ def test_as_the_verb_for_arrays(name: str, coordinates: str, verb: str, rng: np.
             np.testing.assert_array_equal(np.squeeze(part), np.squeeze(whole[k]))
 
 
-@pytest.mark.parametrize("name", ["stewart", "five_bar"])
+@pytest.mark.parametrize("name", slow_but_for_few(["stewart", "five_bar"], ["stewart"]))
 def test_out_of_reach_is_nan_with_its_code(name: str, rng: np.random.Generator) -> None:
     many = kernels(name, "motor")
     position, rate, acceleration, *_ = (x[0] for x in states(many, rng, 1))

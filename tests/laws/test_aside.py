@@ -113,7 +113,7 @@ def test_solvers_go_to_the_same_place(name: str, away: float, rng: np.random.Gen
     "away", [away if away == 100.0 else pytest.param(away, marks=pytest.mark.slow) for away in AWAY]
 )
 @pytest.mark.parametrize("coordinates", COORDINATES)
-@pytest.mark.parametrize("name", slow_but_for_few(stp.robots()))
+@pytest.mark.parametrize("name", slow_but_for_few(stp.robots(), ["stewart", "four_bar"]))
 def test_kernels(name: str, coordinates: str, away: float, rng: np.random.Generator) -> None:
     here, there = robot(name), aside(name, away)
     q, v, a = state_of(name, rng)

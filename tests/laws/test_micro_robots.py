@@ -67,8 +67,7 @@ def answers(chain: stp.ClosedChain, share: float, rng: np.random.Generator) -> d
 @pytest.mark.parametrize(
     "name",
     [
-        *slow_but_for_few(n for n in stp.robots() if n != "delta"),
-        pytest.param("delta", marks=pytest.mark.slow),
+        *slow_but_for_few(stp.robots(), ["four_bar", "rpr_planar"]),
     ],
 )
 def test_efforts_are_in_proportion_to_masses(name: str, share: float) -> None:

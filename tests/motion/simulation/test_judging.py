@@ -13,7 +13,7 @@ import stewart_pin as stp
 from stewart_pin.motion.simulation.charts import METHODS
 from stewart_pin.motion.simulation.record import SimulationInterrupted
 from stewart_pin.state.state import State
-from tests.closed_states import random_motion, robot
+from tests.closed_states import random_motion, robot, slow_but_for_few
 from tests.mechanisms import five_bar, four_bar
 
 
@@ -87,7 +87,7 @@ def assert_continues(chain: stp.ClosedChain, q, v, make, **options) -> None:
 
 
 @pytest.mark.parametrize("kind", ["none", "function", "dynamic", "sampled"])
-@pytest.mark.parametrize("method", ["fixed", *METHODS])
+@pytest.mark.parametrize("method", slow_but_for_few(["fixed", *METHODS], ["fixed", "RK45", "BDF"]))
 def test_going_on_gives_the_same_bits(method: str, kind: str, rng: np.random.Generator) -> None:
     chain = robot("stewart")
     v = 0.1 * random_motion(chain, rng, chain.q_home)[0]
