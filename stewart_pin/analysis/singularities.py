@@ -18,12 +18,13 @@ import pinocchio as pin
 from scipy.optimize import brentq, minimize_scalar
 
 from stewart_pin.analysis.closed_paths import Path, closed_path
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.singularity import Singularity, SingularityKind, classify_singularity
 from stewart_pin.mechanics.singularity.split import ALIGNED, Measure, signed_measure, split_jacobians
 from stewart_pin.state.chain import ClosedChain, as_configuration
-from stewart_pin.state.freedom import TWIST_AXES
+from stewart_pin.state.freedom import TWIST_AXES, TwistAxis
 from stewart_pin.state.generic import generic_freedom
 from stewart_pin.typing import ArrayLike, Configuration
 
@@ -39,8 +40,8 @@ _JUMP = 0.03
 """Step of a configuration within the shortest interval that is no motion, in robot sizes and radians."""
 
 
-@dataclass(frozen=True, eq=False)
-class SingularityOnPath:
+@dataclass(frozen=True, eq=False, repr=False)
+class SingularityOnPath(Brief):
     """The first singularity on a path, or how near the path comes to one.
 
     Attributes
@@ -79,7 +80,7 @@ def find_singularity(
     *,
     interval: tuple[float, float] = (0.0, 1.0),
     kinds: Iterable[SingularityKind | str] | None = None,
-    axes: Sequence[str] = TWIST_AXES,
+    axes: Sequence[TwistAxis] = TWIST_AXES,
     samples: int = 33,
     tolerance: float = 1e-8,
     length: float | None = None,
@@ -165,7 +166,7 @@ class _Search:
         tolerance: float,
         length: float | None,
         interval: tuple[float, float],
-        axes: Sequence[str],
+        axes: Sequence[TwistAxis],
     ) -> None:
         self._chain, self._path, self._kinds, self._tolerance = chain, path, kinds, tolerance
         self._span, self._end = interval[1] - interval[0], interval[1]

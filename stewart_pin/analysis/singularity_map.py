@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.kinematics import platform_pose
@@ -16,7 +17,7 @@ from stewart_pin.mechanics.singularity import SingularityKind
 from stewart_pin.mechanics.singularity.split import ALIGNED, Measure, signed_measure, split_jacobians
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.freedom import TWIST_AXES
+from stewart_pin.state.freedom import TWIST_AXES, TwistAxis
 from stewart_pin.state.generic import generic_freedom
 from stewart_pin.state.newton import Closure, close_loops, solve
 from stewart_pin.state.paths import pose_path
@@ -28,8 +29,8 @@ _MAX_ITERATIONS = 25
 """Newton steps from a neighbour: where more are needed there is nothing to reach."""
 
 
-@dataclass(frozen=True, eq=False)
-class SingularityMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class SingularityMap(Brief):
     """Measures over a grid of platform positions, on the branch of one configuration.
 
     Attributes
@@ -53,7 +54,7 @@ class SingularityMap:
     """
 
     plane: tuple[str, str]
-    axes: tuple[str, ...]
+    axes: tuple[TwistAxis, ...]
     x: FloatArray
     y: FloatArray
     q: FloatArray
@@ -73,7 +74,7 @@ def singularity_map(
     y: ArrayLike,
     *,
     plane: tuple[str, str] = ("vx", "vy"),
-    axes: Sequence[str] = TWIST_AXES,
+    axes: Sequence[TwistAxis] = TWIST_AXES,
     q_guess: ArrayLike | None = None,
     length: float | None = None,
 ) -> SingularityMap:
@@ -128,7 +129,7 @@ class _Field:
         x: FloatArray,
         y: FloatArray,
         plane: tuple[str, str],
-        axes: tuple[str, ...],
+        axes: tuple[TwistAxis, ...],
         start: Configuration,
         length: float,
     ) -> None:

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 from scipy import ndimage
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths, leg_vectors
@@ -22,6 +24,9 @@ from stewart_pin.kernels.hexapod_lengths import lengths_at
 from stewart_pin.mechanics.kinematics import inverse_kinematics
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
+
+Sheet = Literal["upper", "lower", "both"]
+"""Side of the base points on which the platform stands."""
 
 _ACROSS = 60
 """Points across the widest direction, when no spacing is given."""
@@ -38,8 +43,8 @@ _NOISE = 1e-14
 """Smallest over largest singular value that is round-off."""
 
 
-@dataclass(frozen=True, eq=False)
-class WorkspaceSamples:
+@dataclass(frozen=True, eq=False, repr=False)
+class WorkspaceSamples(Brief):
     """Points of a regular grid that lie in the workspace or within a cell of its boundary.
 
     Attributes
@@ -122,7 +127,7 @@ def sample_workspace(
     rotation: ArrayLike,
     *,
     stroke: ArrayLike | None = None,
-    sheet: str = "upper",
+    sheet: Sheet = "upper",
     spacing: float | None = None,
     length: float | None = None,
     kernels: bool | None = None,
@@ -313,7 +318,7 @@ def _pieces(filled: np.ndarray) -> int:
     return int(np.count_nonzero(sizes >= 0.01 * sizes.sum()))
 
 
-def _bounds(hexapod: Hexapod, rotation: FloatArray, stroke: FloatArray, sheet: str) -> FloatArray:
+def _bounds(hexapod: Hexapod, rotation: FloatArray, stroke: FloatArray, sheet: Sheet) -> FloatArray:
     """Box around the workspace: what the outer spheres have in common, less the cells that are certainly empty."""
     centres = hexapod.base_points - hexapod.platform_points @ rotation.T
     box = np.array([(centres - stroke[:, 1:]).max(axis=0), (centres + stroke[:, 1:]).min(axis=0)])

@@ -10,6 +10,7 @@ import pinocchio as pin
 from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY, Hexapod
+from stewart_pin.geometry.hexapod_bodies import LowerJoint
 from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
 from stewart_pin.state.chain import ClosedChain, as_pose
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -29,7 +30,7 @@ def hexapod_chain(
     platform: pin.Inertia,
     lower: pin.Inertia,
     upper: pin.Inertia,
-    lower_joint: str = "universal",
+    lower_joint: LowerJoint = "universal",
     stroke: tuple[float, float] = (0.0, inf),
     base: pin.Inertia | None = None,
     effort: float = inf,

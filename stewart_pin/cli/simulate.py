@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 import typer
@@ -21,6 +21,7 @@ from stewart_pin.cli.simulated import (
 )
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.motion.simulation.record import Simulation
+from stewart_pin.motion.simulation.simulate import Method
 from stewart_pin.motion.simulation.simulate import simulate as run_simulation
 from stewart_pin.motion.trajectories import sinusoidal_motion
 from stewart_pin.viz.figures import check_picture_path, save_figure
@@ -54,7 +55,9 @@ def simulate(
         state = start_of(chain, reference)
         q, v = state.q, state.v
     with progress_bar() as report:
-        run = run_simulation(chain, q, v, control, duration=duration, dt=dt, method=method, progress=report)
+        run = run_simulation(
+            chain, q, v, control, duration=duration, dt=dt, method=cast(Method, method), progress=report
+        )
     figures = summarise_run(run) | {"robot": chain.name, "controller": controller, "dt": dt, "method": method}
     want = reference(run.time) if follows else None
     if want is not None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 from rich.table import Table
@@ -15,7 +16,7 @@ from stewart_pin.cli.poses import configuration_of, describe_pose
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.mechanics.singularity import Screw, Singularity, classify_singularity
 from stewart_pin.mechanics.singularity.split import MEANING
-from stewart_pin.state.freedom import TWIST_AXES
+from stewart_pin.state.freedom import TWIST_AXES, TwistAxis
 
 
 def singularity(
@@ -36,7 +37,7 @@ def singularity(
     """Show of which kind of singularity a pose is, or how near it is to each."""
     chain = load(robot)
     q = configuration_of(chain, pose, limits)
-    found = classify_singularity(chain, q, axes=axes.split(","), length=length)
+    found = classify_singularity(chain, q, axes=cast(Sequence[TwistAxis], axes.split(",")), length=length)
     at = describe_pose(platform_pose(chain, q))
     figures = {"robot": chain.name, "pose": at, **summarise(found)}
     table = Table(

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError, SingularityError, UnreachableError
 from stewart_pin.geometry.rotary import RotaryLegs, crank_vectors
@@ -78,8 +79,8 @@ def delta_legs(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class DeltaPositions:
+@dataclass(frozen=True, eq=False, repr=False)
+class DeltaPositions(Brief):
     """Where the platform of a Delta can be for given crank angles.
 
     Attributes

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_batch, as_positive, require_broadcast
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.geometry.rotations import as_rotation
@@ -34,8 +35,8 @@ STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """Gravity of the package's robots, in the world frame [m/s²]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Hexapod:
+@dataclass(frozen=True, eq=False, repr=False)
+class Hexapod(Brief):
     """Geometry of a six-legged platform.
 
     Attributes

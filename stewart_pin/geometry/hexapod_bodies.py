@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -19,8 +20,8 @@ _ROUND_OFF = 1e-9
 computed, rotated or printed in double precision, so it never meets either exactly."""
 
 
-@dataclass(frozen=True, eq=False)
-class RigidBody:
+@dataclass(frozen=True, eq=False, repr=False)
+class RigidBody(Brief):
     """Mass distribution of a rigid body.
 
     Attributes
@@ -69,8 +70,8 @@ class RigidBody:
         return not off_axis and bool(max(uneven, products) <= _ROUND_OFF * np.abs(self.inertia).max())
 
 
-@dataclass(frozen=True, eq=False)
-class HexapodBodies:
+@dataclass(frozen=True, eq=False, repr=False)
+class HexapodBodies(Brief):
     """Bodies of a six-legged platform.
 
     The leg frame has z along the leg, from base to platform. Its attitude in the base frame is

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_batch
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY, Hexapod, leg_forces_for_wrench, leg_jacobian
@@ -21,8 +22,8 @@ from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.typing import ArrayLike, FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class HexapodForces:
+@dataclass(frozen=True, eq=False, repr=False)
+class HexapodForces(Brief):
     """Forces that move a six-legged platform.
 
     Attributes

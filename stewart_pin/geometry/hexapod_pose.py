@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
 from stewart_pin.errors import ClosureError, InputError, SingularityError
 from stewart_pin.geometry.hexapod import Hexapod, leg_jacobian, leg_lengths, require_hexapod
@@ -33,8 +34,8 @@ _ROUND_OFF = 16 * np.finfo(float).eps
 """Residual over the size of the robot that double precision can reach."""
 
 
-@dataclass(frozen=True, eq=False)
-class HexapodPose:
+@dataclass(frozen=True, eq=False, repr=False)
+class HexapodPose(Brief):
     """A pose of the platform; unpacks as ``position, rotation``.
 
     Attributes

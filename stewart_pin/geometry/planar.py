@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_batch, as_positive
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -22,8 +23,8 @@ _SIDE_MISMATCH = 1e-9
 """Relative misfit of three sides and an angle that still counts as rounding of printed figures."""
 
 
-@dataclass(frozen=True, eq=False)
-class PlanarRPR:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanarRPR(Brief):
     """Geometry of a planar platform on three legs.
 
     Neither the first anchor nor the first corner has to stand at an origin.

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
 from stewart_pin.geometry.planar import PlanarRPR, planar_leg_lengths
 from stewart_pin.geometry.planar_merging import near_circle, one_by_one
@@ -36,8 +37,8 @@ from stewart_pin.typing import ArrayLike, BoolArray, ComplexArray, FloatArray, I
 _FINITE, _POSITIVE = "finite", "positive-dimensional"
 
 
-@dataclass(frozen=True, eq=False)
-class PlanarModes:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanarModes(Brief):
     """Poses of a planar platform that fit its leg lengths, ordered by angle.
 
     Attributes
@@ -69,8 +70,8 @@ class PlanarModes:
         return len(self.angle)
 
 
-@dataclass(frozen=True, eq=False)
-class PlanarModesBatch:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanarModesBatch(Brief):
     """Assembly modes of n sets of leg lengths, six slots each.
 
     Attributes

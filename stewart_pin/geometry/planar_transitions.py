@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.geometry.newton import valley_newton
@@ -43,8 +44,8 @@ _INSIDE = 0.5413
 """Where an interval is probed: not halfway, because symmetric mechanisms have special lengths there."""
 
 
-@dataclass(frozen=True, eq=False)
-class PlanarTransitions:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanarTransitions(Brief):
     """Where the number of assembly modes changes along the length of one leg.
 
     Attributes

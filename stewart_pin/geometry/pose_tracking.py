@@ -16,6 +16,7 @@ from typing import Literal
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.geometry.hexapod_pose import as_leg_lengths, hexapod_pose, move, robot_size, scaled_jacobian
@@ -35,8 +36,8 @@ _SINGULAR = 1e-2
 """A stop is called a fold when the smallest over the largest singular value is below this."""
 
 
-@dataclass(frozen=True, eq=False)
-class TrackedPose:
+@dataclass(frozen=True, eq=False, repr=False)
+class TrackedPose(Brief):
     """The poses along a path of leg lengths, as far as they go.
 
     Attributes

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_batch, as_positive, require_broadcast
 from stewart_pin.errors import InputError, SingularityError, UnreachableError
 from stewart_pin.geometry.rotations import as_rotation
@@ -27,8 +28,8 @@ _ROUND_OFF = 64 * np.finfo(float).eps
 """How far beyond its reach a leg counts as just stretched, relative to the lengths involved."""
 
 
-@dataclass(frozen=True, eq=False)
-class RotaryLegs:
+@dataclass(frozen=True, eq=False, repr=False)
+class RotaryLegs(Brief):
     """Geometry of n legs, each a crank and a rod.
 
     Attributes
@@ -87,8 +88,8 @@ class RotaryLegs:
             object.__setattr__(self, name, kept)
 
 
-@dataclass(frozen=True, eq=False)
-class CrankAngles:
+@dataclass(frozen=True, eq=False, repr=False)
+class CrankAngles(Brief):
     """Crank angles for a pose, on both branches of every leg.
 
     Attributes

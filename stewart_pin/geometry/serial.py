@@ -9,6 +9,7 @@ from itertools import product
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_batch
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -34,8 +35,8 @@ class ArmReach(StrEnum):
     """Out of reach, inside the inner edge."""
 
 
-@dataclass(frozen=True, eq=False)
-class ArmBranches:
+@dataclass(frozen=True, eq=False, repr=False)
+class ArmBranches(Brief):
     """All configurations of a planar arm for one pose of its hand.
 
     Attributes

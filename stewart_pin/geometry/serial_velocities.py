@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_batch, require_broadcast
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.serial import as_link_lengths
@@ -23,8 +24,8 @@ from stewart_pin.typing import ArrayLike, FloatArray
 _FRAMES = (3, 4)
 
 
-@dataclass(frozen=True, eq=False)
-class LinkVelocities:
+@dataclass(frozen=True, eq=False, repr=False)
+class LinkVelocities(Brief):
     """Velocities of the frames {1} to {4}, each in its own axes.
 
     Attributes

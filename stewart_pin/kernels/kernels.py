@@ -66,6 +66,9 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
     Pickles as the chain, and is written and compiled again where it is loaded.
     """
 
+    def __repr__(self) -> str:
+        return f"<Kernels of {self.chain.name!r} in {self.coordinates} coordinates, {self._dtype}>"
+
     def __reduce__(self) -> tuple[Any, ...]:
         return _rebuilt, (self.chain, self.coordinates, self._dtype, self._engine)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.state.freedom import TWIST_AXES
 
 if TYPE_CHECKING:
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     from stewart_pin.kernels.planning.pivots import Pivots
 
 
-@dataclass(frozen=True)
-class PlanBlock:
+@dataclass(frozen=True, repr=False)
+class PlanBlock(Brief):
     """Equations that are eliminated together, always in the same order.
 
     Attributes
@@ -47,8 +48,8 @@ class PlanBlock:
         return f"{self.name}{joints}: {len(self.pivots)} pivots, {quality}"
 
 
-@dataclass(frozen=True)
-class KernelReport:
+@dataclass(frozen=True, repr=False)
+class KernelReport(Brief):
     """How the kernels of a chain were made.
 
     Attributes

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.capability.platform_space import platform_space
@@ -19,8 +20,8 @@ from stewart_pin.state.state import State
 from stewart_pin.typing import ArrayLike, FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class Coordinates:
+@dataclass(frozen=True, eq=False, repr=False)
+class Coordinates(Brief):
     """What the coordinates of a controller are, at one configuration.
 
     Attributes

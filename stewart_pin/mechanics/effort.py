@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from stewart_pin.brief import Brief
 from stewart_pin.typing import FloatArray, Tangent
 
 
-@dataclass(frozen=True, eq=False)
-class Effort:
+@dataclass(frozen=True, eq=False, repr=False)
+class Effort(Brief):
     """Efforts that make a chain move as asked.
 
     Attributes
@@ -37,8 +38,8 @@ class Effort:
     residual: float
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(Brief):
     """What a chain does under given efforts.
 
     Attributes

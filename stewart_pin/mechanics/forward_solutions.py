@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.state.chain import ClosedChain
@@ -20,8 +21,8 @@ _SAME = 1e-6
 """Configurations nearer than this are one: Newton's residual of 1e-14 moves a double root by its square root [1]."""
 
 
-@dataclass(frozen=True, eq=False)
-class ForwardSolutions:
+@dataclass(frozen=True, eq=False, repr=False)
+class ForwardSolutions(Brief):
     """Configurations found for given motor positions.
 
     Attributes

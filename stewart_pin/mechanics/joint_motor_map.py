@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.errors import ActuationError
 from stewart_pin.mechanics.coordinates import joint_index
 from stewart_pin.state.chain import ClosedChain
@@ -23,8 +24,8 @@ from stewart_pin.tolerances import SINGULAR, TAKES_PART
 from stewart_pin.typing import ArrayLike, FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class JointMotorMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class JointMotorMap(Brief):
     """Rates and efforts of joints and motors: rate_joint = J rate_motor, effort_motor = Jᵀ effort_joint.
 
     Attributes

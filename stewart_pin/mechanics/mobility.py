@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import scipy.linalg
 
+from stewart_pin.brief import Brief
 from stewart_pin.mechanics.motor_sets import analyse_motors
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State
@@ -18,8 +19,8 @@ _REST = 1e-8
 """Velocities below this count as rest, relative to the largest."""
 
 
-@dataclass(frozen=True)
-class Mobility:
+@dataclass(frozen=True, repr=False)
+class Mobility(Brief):
     """Freedoms of a mechanism, what its loops repeat, and what its motors are good for.
 
     The numbers belong to the mechanism: they hold at configurations that are nothing special.

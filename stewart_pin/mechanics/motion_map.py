@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
+from stewart_pin.brief import Brief
 from stewart_pin.errors import ActuationError, SingularityError
 from stewart_pin.mechanics.coordinates import Coordinates, choose_coordinates, rows_bias
 from stewart_pin.state.chain import ClosedChain
@@ -25,8 +26,8 @@ from stewart_pin.tolerances import NO_INERTIA, SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 
-@dataclass(frozen=True, eq=False)
-class MotionMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionMap(Brief):
     """How the whole chain moves when its coordinates move: v = G x_rate, a = G x_acceleration + gamma.
 
     Attributes

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.mechanics.coordinates import rows_rate
 from stewart_pin.mechanics.motion_map import MotionMap, SolvedMap
 from stewart_pin.state.chain import ClosedChain
@@ -23,8 +24,8 @@ from stewart_pin.state.state import State, as_state
 from stewart_pin.typing import ArrayLike, FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class OperationalDynamics:
+@dataclass(frozen=True, eq=False, repr=False)
+class OperationalDynamics(Brief):
     """M x_acceleration + c + g = effort of each coordinate.
 
     Motor coordinates have the motor efforts on the right, platform coordinates the wrench (or its components along

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.brief import Brief
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.effort import Effort
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
@@ -25,8 +26,8 @@ _NO_LOAD = 1e-9
 """Effort that is none at all, for a robot of masses near 1 kg [N or N m]."""
 
 
-@dataclass(frozen=True, eq=False)
-class Reaction:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reaction(Brief):
     """The wrench that one joint or loop transmits.
 
     Attributes

@@ -15,6 +15,7 @@ from math import inf
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.brief import Brief
 from stewart_pin.model.shapes import Shape
 from stewart_pin.typing import FloatArray
 
@@ -309,8 +310,8 @@ class Report:
         return "\n".join(lines) or "nothing was ignored"
 
 
-@dataclass(frozen=True, eq=False)
-class Mechanism:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mechanism(Brief):
     """Links, joints and loops of one machine.
 
     Attributes

@@ -12,6 +12,7 @@ from typing import Literal, get_args
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.brief import Brief
 from stewart_pin.model.description import BALL, Bounds, JointKind, Mechanism, loop_coordinates
 from stewart_pin.typing import BoolArray, FloatArray
 
@@ -28,8 +29,8 @@ _UNITS: dict[LimitKind, tuple[str, str]] = {
 _AXES = {1: ("",), 3: (" wx", " wy", " wz"), 6: (" vx", " vy", " vz", " wx", " wy", " wz")}
 
 
-@dataclass(frozen=True, eq=False)
-class Limits:
+@dataclass(frozen=True, eq=False, repr=False)
+class Limits(Brief):
     """Limits of all joints of a chain, those that close loops included; ``nan`` where nothing is stated.
 
     The first nv rows are the tangent entries of the chain, so that ``chain.motor_index`` picks those of the motors; a
@@ -146,7 +147,7 @@ class Limits:
         """Tell what is stated, joints of the same limits together, one line each."""
         owners: dict[str, list[str]] = {}
         for row, name in enumerate(self.names):
-            said = ", ".join(self._words(row))
+            said = ", ".join(self.words(row))
             if said:
                 owners.setdefault(said, []).append(name)
         lines: list[str] = []
@@ -155,7 +156,19 @@ class Limits:
             lines.append(f"{shown}: {said}")
         return "\n".join(lines) or "no limit is stated"
 
-    def _words(self, row: int) -> Iterator[str]:
+    def words(self, row: int) -> Iterator[str]:
+        """Tell the limits of one coordinate.
+
+        Parameters
+        ----------
+        row
+            Of which coordinate [index].
+
+        Yields
+        ------
+        str
+            One kind of limit, with its unit.
+        """
         for kind in KINDS:
             least, most = self.of(kind)[row]
             if np.isnan(least) and np.isnan(most):

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import butter, sosfiltfilt
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import FileFormatError, FileMissingError, InputError
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -21,8 +22,8 @@ _LARGEST = 50_000_000
 """Bytes beyond which a file is no strong-motion record."""
 
 
-@dataclass(frozen=True, eq=False)
-class Accelerogram:
+@dataclass(frozen=True, eq=False, repr=False)
+class Accelerogram(Brief):
     """Ground acceleration along one direction.
 
     Attributes

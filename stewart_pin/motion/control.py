@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, leg_jacobian, leg_lengths, point_mass_forces
@@ -30,8 +31,8 @@ MODELS = ("full", "point_mass")
 """What a controller may believe about the machine."""
 
 
-@dataclass(frozen=True, eq=False)
-class GravityCompensation:
+@dataclass(frozen=True, eq=False, repr=False)
+class GravityCompensation(Brief):
     """Motors that carry the weight, whatever the configuration: ``tau = inverse_dynamics(q, 0, 0)``.
 
     Attributes
@@ -47,8 +48,8 @@ class GravityCompensation:
         return motor_efforts(State(self.chain, q), self.chain.rest)
 
 
-@dataclass(frozen=True, eq=False)
-class Feedforward:
+@dataclass(frozen=True, eq=False, repr=False)
+class Feedforward(Brief):
     """Efforts that the reference motion itself needs, without a look at the machine.
 
     Attributes
@@ -97,8 +98,8 @@ class Feedforward:
         return Hexapod.from_chain(self.chain)
 
 
-@dataclass(frozen=True, eq=False)
-class LegPID:
+@dataclass(frozen=True, eq=False, repr=False)
+class LegPID(Brief):
     """One PID controller per motor, on motor positions.
 
     ``tau = kp e + ki ∫e dt + kd de/dt + feedforward``, e the reference's motor positions less the measured ones.
@@ -194,8 +195,8 @@ class LegPID:
         return _MotorReference(self.chain, self.reference)
 
 
-@dataclass(frozen=True, eq=False)
-class ComputedTorque:
+@dataclass(frozen=True, eq=False, repr=False)
+class ComputedTorque(Brief):
     """Inverse dynamics at the measured state, of the acceleration that corrects the platform's error.
 
     ``a = a_ref + kd (twist_ref - twist) + kp e``, e = [p_ref - p; log(R_ref Rᵀ)]: the exact rotation vector that is
@@ -259,8 +260,8 @@ class ComputedTorque:
         return Hexapod.from_chain(self.chain)
 
 
-@dataclass(frozen=True, eq=False)
-class SampledController:
+@dataclass(frozen=True, eq=False, repr=False)
+class SampledController(Brief):
     """A controller on a computer: it acts at instants, holds its efforts in between, and reads encoders.
 
     Attributes

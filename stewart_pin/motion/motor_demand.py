@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
+from stewart_pin.brief import Brief
 from stewart_pin.errors import ClosureError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies
@@ -34,8 +35,8 @@ _CHUNK = 1 << 16
 """States in one call of a kernel: 20 MB of Jacobians."""
 
 
-@dataclass(frozen=True, eq=False)
-class MotorDemand:
+@dataclass(frozen=True, eq=False, repr=False)
+class MotorDemand(Brief):
     """What a motion asks of the motors.
 
     Attributes

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.errors import ClosureError, InputError
 from stewart_pin.model.limits import LimitKind
 from stewart_pin.motion.joint_motion import asked_of_motors, asked_of_others
@@ -63,8 +64,8 @@ class Binding:
     use: float
 
 
-@dataclass(frozen=True, eq=False)
-class FitReport:
+@dataclass(frozen=True, eq=False, repr=False)
+class FitReport(Brief):
     """How much of a motion a robot can do.
 
     Attributes

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.state.chain import as_pose
 from stewart_pin.typing import ArrayLike, FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class PlatformSamples:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlatformSamples(Brief):
     """A platform motion at many instants.
 
     Attributes

@@ -20,6 +20,7 @@ from stewart_pin.model.loop_table import LoopTable, build_loop_table, support
 from stewart_pin.model.motors import mark_motors
 from stewart_pin.model.sizes import length_scale
 from stewart_pin.model.tree import link_frame, mass_unit, with_masses_in
+from stewart_pin.state.describing import describe
 from stewart_pin.state.generic import Generic, find_generic
 from stewart_pin.state.limits import Judge
 from stewart_pin.state.pinocchio_constraints import ConstrainedDynamics, unknown_to_pinocchio
@@ -50,7 +51,7 @@ _UNIT_QUATERNION = 1e-6
 """Deviation from unit length that printed or integrated quaternions may show."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ClosedChain:
     """A mechanism with loops, ready for computation.
 
@@ -82,6 +83,14 @@ class ClosedChain:
     def __reduce__(self) -> tuple[Any, ...]:
         # What a chain has found out about itself stays here: scratch memory cannot travel, and the rest is found again.
         return ClosedChain, (self.mechanism, self.model, self.motors, self.platform, self.q_home)
+
+    def __repr__(self) -> str:
+        roles = f"{len(self.motors)} motors, platform {self.platform!r}"
+        return f"<ClosedChain {self.name!r}: nq {self.nq}, nv {self.nv}, nc {self.nc}, {roles}>"
+
+    def __str__(self) -> str:
+        """Tell what it is, its motors with units and limits, its freedoms, and which entry of q is which joint."""
+        return describe(self)
 
     @property
     def name(self) -> str:

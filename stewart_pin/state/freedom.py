@@ -12,10 +12,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.errors import ActuationError, InputError
 from stewart_pin.tolerances import SINGULAR
 from stewart_pin.typing import FloatArray
@@ -24,12 +25,13 @@ if TYPE_CHECKING:
     from stewart_pin.state.chain import ClosedChain
     from stewart_pin.state.state import State
 
-TWIST_AXES = ("vx", "vy", "vz", "wx", "wy", "wz")
+TwistAxis = Literal["vx", "vy", "vz", "wx", "wy", "wz"]
+TWIST_AXES: tuple[TwistAxis, ...] = get_args(TwistAxis)
 """Components of the platform's twist, in world axes."""
 
 
-@dataclass(frozen=True)
-class FreedomCount:
+@dataclass(frozen=True, repr=False)
+class FreedomCount(Brief):
     """Numbers of motions at one configuration, or at the usual ones.
 
     Attributes

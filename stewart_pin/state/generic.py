@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.state.freedom import TWIST_AXES, FreedomCount, Motions, counted, split_motions
+from stewart_pin.state.freedom import TWIST_AXES, FreedomCount, Motions, TwistAxis, counted, split_motions
 from stewart_pin.tolerances import NOTHING
 from stewart_pin.typing import Configuration, FloatArray
 
@@ -135,7 +135,7 @@ def regularity(state: State, *, motors: bool = True) -> float:
     return min((float(values[rank - 1]) / size for values, rank, size in found if rank), default=1.0)
 
 
-def generic_freedom(chain: ClosedChain, axes: Sequence[str] = TWIST_AXES) -> FreedomCount:
+def generic_freedom(chain: ClosedChain, axes: Sequence[TwistAxis] = TWIST_AXES) -> FreedomCount:
     """Count the motions that a mechanism has at configurations that are nothing special.
 
     Parameters

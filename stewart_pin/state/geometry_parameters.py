@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from stewart_pin.brief import Brief
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
 
@@ -34,8 +35,8 @@ class Displacement(StrEnum):
     LENGTH = "length"
 
 
-@dataclass(frozen=True)
-class GeometryParameter:
+@dataclass(frozen=True, repr=False)
+class GeometryParameter(Brief):
     """A small displacement of a place where a joint or a loop is attached; print it.
 
     Attributes

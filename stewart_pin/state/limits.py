@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.brief import Brief
 from stewart_pin.model.description import BALL, JointKind, loop_coordinates
 from stewart_pin.model.limits import LimitKind, Limits
 from stewart_pin.model.loop_rows import orthonormal_triad
@@ -43,8 +44,8 @@ curvature one, rates are right to 1e-9 and accelerations to 1e-7."""
 _DERIVED: tuple[LimitKind, ...] = ("velocity", "acceleration")
 
 
-@dataclass(frozen=True)
-class Excess:
+@dataclass(frozen=True, repr=False)
+class Excess(Brief):
     """A limit that does not hold.
 
     Attributes

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import ClosureError, InputError
 from stewart_pin.state.chain import ClosedChain, as_configuration
@@ -55,8 +56,8 @@ class System:
     demand: str
 
 
-@dataclass(frozen=True, eq=False)
-class Closure:
+@dataclass(frozen=True, eq=False, repr=False)
+class Closure(Brief):
     """A closed configuration, or how near the solver came.
 
     Attributes

@@ -22,7 +22,7 @@ import pinocchio as pin
 from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.freedom import TWIST_AXES, counted, split_motions
+from stewart_pin.state.freedom import TWIST_AXES, TwistAxis, counted, split_motions
 from stewart_pin.state.generic import generic_freedom
 from stewart_pin.state.newton import Closure, System, displaced, judged, solve
 from stewart_pin.state.state import State
@@ -115,7 +115,7 @@ class Path:
         return np.concatenate([state.gap / state.chain.row_sizes, self.residual(state, share)])
 
 
-def pose_path(start: State, target: pin.SE3, axes: Sequence[str] = TWIST_AXES) -> Path:
+def pose_path(start: State, target: pin.SE3, axes: Sequence[TwistAxis] = TWIST_AXES) -> Path:
     """Move the platform to a pose along the screw between the two.
 
     Parameters

@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
+from stewart_pin.brief import Brief
 from stewart_pin.building.hexapod_bodies import hexapod_bodies
 from stewart_pin.building.variants import massless_legs, replace_inertias
 from stewart_pin.errors import UnsupportedError
@@ -26,8 +27,8 @@ Progress = Callable[[str, int, int], None]
 """Called with the stage, the states done and their number."""
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Brief):
     """Motor forces of one motion by several methods.
 
     Attributes

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.errors import InputError
 from stewart_pin.studies.points import Point, Points, words
 from stewart_pin.typing import FloatArray
@@ -34,8 +35,8 @@ class FailedPoint:
     message: str
 
 
-@dataclass(frozen=True, eq=False)
-class Sweep:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(Brief):
     """Results over the points of a sweep; ``sweep["force"]`` is one of them.
 
     Attributes

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stewart_pin.analysis.assembly_modes.records import AssemblyModes
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_vectors
@@ -25,8 +26,8 @@ _TOUCHING = 1e-12
 """Two leg ends closer than this, over the size of the robot, are one joint."""
 
 
-@dataclass(frozen=True, eq=False)
-class ModeDescription:
+@dataclass(frozen=True, eq=False, repr=False)
+class ModeDescription(Brief):
     """Properties of every assembly mode, in the order of the modes.
 
     Attributes

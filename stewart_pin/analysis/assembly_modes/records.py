@@ -8,13 +8,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from stewart_pin.brief import Brief
 from stewart_pin.typing import FloatArray
 
 Kind = Literal["finite", "positive-dimensional"]
 
 
-@dataclass(frozen=True, eq=False)
-class AssemblyModes:
+@dataclass(frozen=True, eq=False, repr=False)
+class AssemblyModes(Brief):
     """All real poses of a six-legged platform for six leg lengths, highest platform first.
 
     Attributes

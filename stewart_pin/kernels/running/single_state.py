@@ -70,6 +70,9 @@ class SingleState:
             )  # it writes there, whoever still holds it
             self.run = function
 
+    def __repr__(self) -> str:
+        return f"SingleState({self.program!r})"
+
     def __reduce__(self) -> tuple[Any, ...]:
         return SingleState, self._made_from
 

@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
 from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.typing import FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class BaseMotion:
+@dataclass(frozen=True, eq=False, repr=False)
+class BaseMotion(Brief):
     """Motion of the ground link in an inertial frame; the default is rest.
 
     Attributes

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from stewart_pin.checks import as_array
@@ -21,7 +23,7 @@ def velocity_limits(
     rotation: ArrayLike,
     *,
     rate_limit: ArrayLike,
-    others: str = "free",
+    others: Literal["free", "zero"] = "free",
 ) -> FloatArray:
     """Find the greatest speed along x, y and z without turning.
 
@@ -60,7 +62,7 @@ def velocity_limits(
 
 
 def velocity_limits_of_jacobian(
-    jacobian: ArrayLike, *, rate_limit: ArrayLike, others: str = "free"
+    jacobian: ArrayLike, *, rate_limit: ArrayLike, others: Literal["free", "zero"] = "free"
 ) -> FloatArray:
     """Find the greatest value of each velocity component, one after the other, from a Jacobian.
 

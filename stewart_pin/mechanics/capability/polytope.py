@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.capability.enumeration import Shape, cut, hull
@@ -16,8 +17,8 @@ _INSIDE = 1e-9
 """How far outside a point may be by round-off, relative to the size of the polytope."""
 
 
-@dataclass(frozen=True, eq=False)
-class Polytope:
+@dataclass(frozen=True, eq=False, repr=False)
+class Polytope(Brief):
     """All velocities, or all wrenches, that a robot can produce at one configuration.
 
     Attributes
@@ -56,8 +57,8 @@ class Polytope:
     length: float
 
 
-@dataclass(frozen=True, eq=False)
-class Ball:
+@dataclass(frozen=True, eq=False, repr=False)
+class Ball(Brief):
     """The largest ball about rest that fits into a polytope: what is possible in every direction.
 
     Attributes

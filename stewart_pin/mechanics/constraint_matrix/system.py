@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 import scipy.sparse
 
+from stewart_pin.brief import Brief
 from stewart_pin.mechanics.constraint_matrix.columns import (
     Columns,
     Freedoms,
@@ -35,8 +36,8 @@ from stewart_pin.state.state import State, as_state
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 
-@dataclass(frozen=True, eq=False)
-class ConstraintMatrixSystem:
+@dataclass(frozen=True, eq=False, repr=False)
+class ConstraintMatrixSystem(Brief):
     """Maximal-coordinate equations of motion at one state.
 
     Attributes

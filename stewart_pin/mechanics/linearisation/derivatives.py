@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.brief import Brief
 from stewart_pin.mechanics.forward_dynamics import forward_dynamics
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_norm
 from stewart_pin.state.chain import ClosedChain
@@ -25,8 +26,8 @@ from stewart_pin.tolerances import NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 
-@dataclass(frozen=True, eq=False)
-class EffortDerivatives:
+@dataclass(frozen=True, eq=False, repr=False)
+class EffortDerivatives(Brief):
     """Derivatives of the motor efforts; they hold along variations of the state that keep the loops closed.
 
     Attributes
@@ -44,8 +45,8 @@ class EffortDerivatives:
     tau_a: FloatArray
 
 
-@dataclass(frozen=True, eq=False)
-class MotionDerivatives:
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionDerivatives(Brief):
     """Derivatives of the acceleration; they hold along variations of the state that keep the loops closed.
 
     Attributes

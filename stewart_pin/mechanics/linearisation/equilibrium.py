@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.forward_dynamics import forward_dynamics
@@ -24,8 +25,8 @@ _AT_REST = 1e-6
 """Acceleration, in robot sizes and radians per s², below which a state counts as an equilibrium: printed digits."""
 
 
-@dataclass(frozen=True, eq=False)
-class LinearSystem:
+@dataclass(frozen=True, eq=False, repr=False)
+class LinearSystem(Brief):
     """Small motions about an equilibrium, d[ξ; ξ̇]/dt = A [ξ; ξ̇] + B δτ.
 
     Attributes

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
@@ -30,8 +31,8 @@ _NO_STIFFNESS = 1e-9
 """Stiffness of a weightless motion, relative to the largest, below which nothing holds it."""
 
 
-@dataclass(frozen=True, eq=False)
-class Vibration:
+@dataclass(frozen=True, eq=False, repr=False)
+class Vibration(Brief):
     """Natural vibrations of a chain on elastic motors.
 
     Attributes

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.brief import Brief
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.singularity.screws import Screw, twist_and_wrench
 from stewart_pin.mechanics.singularity.split import MEANING, JacobianSplit, SingularityKind, split_jacobians
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.freedom import TWIST_AXES, FreedomCount, count_at, counted
+from stewart_pin.state.freedom import TWIST_AXES, FreedomCount, TwistAxis, count_at, counted
 from stewart_pin.state.generic import generic_freedom
 from stewart_pin.state.newton import close_loops
 from stewart_pin.state.state import State, as_state
@@ -26,8 +27,8 @@ _ASIDE = 1e-4
 """Step to a neighbour that is not singular, in robot sizes and radians."""
 
 
-@dataclass(frozen=True, eq=False)
-class Singularity:
+@dataclass(frozen=True, eq=False, repr=False)
+class Singularity(Brief):
     """What a configuration is like: regular if `kinds` is empty.
 
     Attributes
@@ -83,7 +84,7 @@ def classify_singularity(
     chain: ClosedChain | State,
     q: ArrayLike | None = None,
     *,
-    axes: Sequence[str] | None = None,
+    axes: Sequence[TwistAxis] | None = None,
     length: float | None = None,
     tolerance: float = SINGULAR,
     generic: FreedomCount | None = None,

@@ -6,14 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.typing import FloatArray
 
 _SHOWN = 1e-6
 """Entries smaller than this share of the largest are not spelled out."""
 
 
-@dataclass(frozen=True, eq=False)
-class Screw:
+@dataclass(frozen=True, eq=False, repr=False)
+class Screw(Brief):
     """A twist or a wrench at the platform origin, in world axes.
 
     Attributes

@@ -6,7 +6,7 @@ Whatever y and u an integrator proposes, the loops are closed for it; when y has
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pinocchio as pin
@@ -22,7 +22,9 @@ from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import FloatArray
 
 (_gesv,) = get_lapack_funcs(("gesv",), dtype=np.float64)
-METHODS = ("RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA")
+ScipyMethod = Literal["RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA"]
+METHODS: tuple[ScipyMethod, ...] = get_args(ScipyMethod)
+"""Adaptive integrators of SciPy."""
 _REACH = 0.25
 """Largest coordinate of a chart, in robot sizes and radians, before the base moves."""
 _MAX_STEPS = 30

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -11,9 +12,12 @@ from stewart_pin.motion.simulation.motors import MotorBank
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
-KINDS = ("stroke", "rate", "effort", "singularity", "closure_lost", "diverged", "controller", "energy")
+EventKind = Literal[
+    "stroke", "rate", "effort", "singularity", "closure_lost", "diverged", "controller", "energy"
+]
+KINDS: tuple[EventKind, ...] = get_args(EventKind)
 """Names of events."""
-_WORDS = {"position": "stroke", "velocity": "rate", "effort": "effort"}
+_WORDS: dict[str, EventKind] = {"position": "stroke", "velocity": "rate", "effort": "effort"}
 _MOST = 1000
 """Events kept of one run: more would not fit a reader, and memory must not grow with the run."""
 
@@ -41,7 +45,7 @@ class Event:
     """
 
     time: float
-    kind: str
+    kind: EventKind
     joint: str
     value: float
     limit: float
@@ -85,7 +89,7 @@ class Watcher:
             *(one for one in beyond if one[1].size),
         ]
         self._least, self._most = np.concatenate([ends[kind][own] for kind, own in watched]).T.copy()
-        self._kinds = [_WORDS[kind] for kind, own in watched for _ in own]
+        self._kinds: list[EventKind] = [_WORDS[kind] for kind, own in watched for _ in own]
         self._names = [limits.names[row] for _, own in watched for row in own]
         self._beyond = np.zeros(len(self._names), dtype=bool)
         self._near_singular = False

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from stewart_pin.brief import Brief
 from stewart_pin.errors import InputError
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -14,8 +15,8 @@ _RAMP = 0.05
 """Last part of the rate limit, over which a motor's effort fades out."""
 
 
-@dataclass(frozen=True, eq=False)
-class Motors:
+@dataclass(frozen=True, eq=False, repr=False)
+class Motors(Brief):
     """Properties of all motors. Each is one number for all, or one per motor; the unit N stands for N m as well.
 
     Attributes

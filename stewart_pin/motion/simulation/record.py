@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.brief import Brief
 from stewart_pin.errors import ConvergenceError
 from stewart_pin.motion.joint_motion import JointMotion, asked_of_motion, asked_of_motors
 from stewart_pin.motion.simulation.events import Event
@@ -51,8 +52,8 @@ class Memory:
     loops: tuple[bool, float, float, float, float]
 
 
-@dataclass(frozen=True, eq=False)
-class SimulationState:
+@dataclass(frozen=True, eq=False, repr=False)
+class SimulationState(Brief):
     """All that a simulation needs to go on as if it had never stopped.
 
     Attributes
@@ -97,8 +98,8 @@ class SimulationState:
         return self.origin + self.steps * self.dt
 
 
-@dataclass(frozen=True, eq=False)
-class Simulation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Simulation(Brief):
     """A simulated motion.
 
     Attributes

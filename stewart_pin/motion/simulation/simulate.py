@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import ClosureError, ConvergenceError, InputError, SingularityError
 from stewart_pin.kernels.choosing import simulation_kernels
 from stewart_pin.motion.simulation.account import SHARE, EnergyAccount
-from stewart_pin.motion.simulation.charts import METHODS, ChartStepper
+from stewart_pin.motion.simulation.charts import METHODS, ChartStepper, ScipyMethod
 from stewart_pin.motion.simulation.drive import (
     Controller,
     ControllerFailure,
@@ -20,7 +21,7 @@ from stewart_pin.motion.simulation.drive import (
     DynamicController,
     Sampled,
 )
-from stewart_pin.motion.simulation.events import KINDS, Event, Watcher
+from stewart_pin.motion.simulation.events import KINDS, Event, EventKind, Watcher
 from stewart_pin.motion.simulation.flow import Flow
 from stewart_pin.motion.simulation.motors import MotorBank, Motors
 from stewart_pin.motion.simulation.nearness import LoopNearness
@@ -42,6 +43,7 @@ _FEW_RECORDS = 10_000
 """Instants recorded when no rate is asked for."""
 _MOST_RECORDS = 2_000_000
 _MOST_STEPS = 1e12
+Method = Literal["fixed"] | ScipyMethod
 _WATCH_RATE = 50.0
 """How often singularities are looked for, and loop rows chosen anew [1/s]."""
 
@@ -53,7 +55,7 @@ Progress = Callable[[str, int, int], None]
 class _Options:
     duration: float
     dt: float
-    method: str
+    method: Method
     record_rate: float | None
     singular: float
     stop_on: frozenset[str]
@@ -71,12 +73,12 @@ def simulate(
     *,
     duration: float,
     dt: float = 1e-3,
-    method: str = "fixed",
+    method: Method = "fixed",
     motors: Motors | None = None,
     start_time: float = 0.0,
     record_rate: float | None = None,
     singular: float = 1e-3,
-    stop_on: Collection[str] = (),
+    stop_on: EventKind | Collection[EventKind] = (),
     rtol: float = 1e-9,
     atol: float = 1e-9,
     kernels: bool | None = None,
@@ -167,11 +169,11 @@ def resume(
     *,
     duration: float,
     dt: float | None = None,
-    method: str = "fixed",
+    method: Method = "fixed",
     motors: Motors | None = None,
     record_rate: float | None = None,
     singular: float = 1e-3,
-    stop_on: Collection[str] = (),
+    stop_on: EventKind | Collection[EventKind] = (),
     rtol: float = 1e-9,
     atol: float = 1e-9,
     kernels: bool | None = None,
@@ -396,10 +398,10 @@ def _closed(plant: Plant, start: SimulationState) -> tuple[Configuration, Tangen
 def _options(
     duration: float,
     dt: float,
-    method: str,
+    method: Method,
     record_rate: float | None,
     singular: float,
-    stop_on: Collection[str],
+    stop_on: EventKind | Collection[EventKind],
     rtol: float,
     atol: float,
     kernels: bool | None,
@@ -464,7 +466,7 @@ def _stride(count: int, dt: float, record_rate: float | None) -> int:
     return stride
 
 
-def _kinds(stop_on: Collection[str]) -> frozenset[str]:
+def _kinds(stop_on: EventKind | Collection[EventKind]) -> frozenset[str]:
     try:
         kinds = frozenset([stop_on] if isinstance(stop_on, str) else stop_on)
     except TypeError:
