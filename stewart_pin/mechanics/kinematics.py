@@ -68,7 +68,7 @@ def motor_positions(chain: ClosedChain | State, q: ArrayLike | None = None) -> F
 
 def inverse_kinematics(
     chain: ClosedChain,
-    pose: pin.SE3,
+    pose: pin.SE3 | ArrayLike,
     *,
     q_guess: ArrayLike | None = None,
     limits: bool = True,
@@ -84,7 +84,7 @@ def inverse_kinematics(
     chain
         Closed chain.
     pose
-        Platform frame in the world.
+        Platform frame in the world: a placement, x y z qx qy qz qw, or a matrix (4, 4) [m].
     q_guess
         (nq,) configuration to start from [m, rad, unit quaternions]; default: home.
     limits
@@ -191,7 +191,7 @@ def forward_kinematics(
 
 def platform_motion(
     chain: ClosedChain,
-    pose: pin.SE3,
+    pose: pin.SE3 | ArrayLike,
     twist: ArrayLike,
     acceleration: ArrayLike,
     *,
@@ -207,7 +207,7 @@ def platform_motion(
     chain
         Closed chain.
     pose
-        Platform frame in the world.
+        Platform frame in the world: a placement, x y z qx qy qz qw, or a matrix (4, 4) [m].
     twist
         (6,) velocity of the platform origin and angular velocity, in world axes [m/s, rad/s].
     acceleration

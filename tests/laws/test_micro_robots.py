@@ -1,4 +1,4 @@
-"""Micro-robots: bodies of 1e-18 kg, or of 1e-7 m, obey as others do, in every formulation: efforts are in proportion."""
+"""Micro-robots, of 1e-18 kg or of 1e-7 m, obey as others do, in every formulation: efforts are in proportion."""
 
 from __future__ import annotations
 

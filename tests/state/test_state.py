@@ -101,6 +101,22 @@ def test_a_state_does_not_change(rng: np.random.Generator) -> None:
     assert repr(state).startswith("State of 'four_bar': at rest, largest loop gap ")
 
 
+def test_what_a_state_has_computed_does_not_change(rng: np.random.Generator) -> None:
+    # What it keeps is asked again by every verb: a caller that scales it in place would spoil their answers.
+    state = moving("stewart", rng)
+    right = stp.motor_jacobian(state)
+    for name in ("gap", "J_c", "loop_bias", "M", "nle", "P", "twist", "platform_bias"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(state, name)[:] = 0.0
+    state.pose.translation[:] = 7.0
+    assert state.pose == stp.platform_pose(state.chain, state.q)
+    # What verbs hand out is the caller's own.
+    for mine in (stp.loop_jacobian(state), stp.motor_jacobian(state), stp.loop_bias(state)):
+        mine[:] = 0.0
+    assert np.array_equal(stp.motor_jacobian(state), right)
+    assert np.abs(stp.loop_jacobian(state)).max() > 0
+
+
 def test_verbs_say_what_they_take(rng: np.random.Generator) -> None:
     chain = robot("stewart")
     state = moving("stewart", rng)
