@@ -25,6 +25,7 @@ from stewart_pin.mechanics.singularity.split import ALIGNED, Measure, signed_mea
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.state.freedom import TWIST_AXES
 from stewart_pin.state.generic import generic_freedom
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import ArrayLike, Configuration
 
 _SHORTEST = 1e-6
@@ -122,6 +123,7 @@ def find_singularity(
     -----
     A path from a singular configuration starts on one: it is found at once, with ``at`` the start.
     """
+    as_chain(chain)
     chain.platform_link  # noqa: B018 - raises
     if not callable(path):
         stops = as_array("path", path, (None, chain.nq))

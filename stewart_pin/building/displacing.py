@@ -21,6 +21,7 @@ from stewart_pin.state.geometry_parameters import (
     geometry_parameters,
 )
 from stewart_pin.state.newton import close_loops
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import FloatArray
 
 _Moves = dict[tuple[str, Attachment], FloatArray]
@@ -59,6 +60,7 @@ def displace_geometry(chain: ClosedChain, displacements: Mapping[GeometryParamet
     >>> first = stp.geometry_parameters(chain)[0]
     >>> moved = stp.displace_geometry(chain, {first: 1e-3})
     """
+    as_chain(chain)
     known = set(geometry_parameters(chain))
     moves: _Moves = {}
     for parameter, amount in displacements.items():

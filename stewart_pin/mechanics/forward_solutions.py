@@ -13,7 +13,7 @@ from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import random_configuration, unwound
 from stewart_pin.state.newton import Closure, solve
 from stewart_pin.state.paths import motor_path
-from stewart_pin.state.state import State
+from stewart_pin.state.state import State, as_chain
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 _SAME = 1e-6
@@ -80,6 +80,7 @@ def all_forward_kinematics(
     InputError
         If there is no start.
     """
+    as_chain(chain)
     chain.require_motors()
     chain.platform_link  # noqa: B018 - raises
     target = as_array("q_motor", q_motor, (chain.nu,))

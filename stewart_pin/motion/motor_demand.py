@@ -26,6 +26,7 @@ from stewart_pin.motion.leg_formula import leg_formula
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import Excess
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import Configuration, FloatArray
 
 _CLOSED_FORM = 100
@@ -127,6 +128,7 @@ def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool 
     UnsupportedError
         If kernels are wanted and the chain cannot be compiled.
     """
+    as_chain(chain)
     compiled = demand_kernels(chain, len(samples), kernels)
     if compiled is None:
         return demand_by_formula(chain, samples)

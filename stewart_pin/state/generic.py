@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.state.freedom import TWIST_AXES, FreedomCount, Motions, counted, split_motions
+from stewart_pin.state.state import as_chain
 from stewart_pin.tolerances import NOTHING
 from stewart_pin.typing import Configuration, FloatArray
 
@@ -150,6 +151,7 @@ def generic_freedom(chain: ClosedChain, axes: Sequence[str] = TWIST_AXES) -> Fre
     FreedomCount
         Motions of the loops, and how many of them motors and platform take part in.
     """
+    as_chain(chain)
     usual = chain.generic
     if tuple(axes) == usual.count.axes:
         return usual.count

@@ -17,7 +17,7 @@ import pinocchio as pin
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import ClosureError, InputError
 from stewart_pin.state.chain import ClosedChain, as_configuration
-from stewart_pin.state.state import State
+from stewart_pin.state.state import State, as_chain
 from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
@@ -164,6 +164,7 @@ def close_loops(
     >>> closure.success, closure.gap < 1e-12
     (True, True)
     """
+    as_chain(chain)
     guess = State(chain, as_configuration(chain, "q_guess", q_guess))
     system = loop_system(chain)
     closure = solve(chain, guess.q, system, tolerance=tolerance, max_iterations=max_iterations)

@@ -588,6 +588,33 @@ def as_state(
     return chain.at(q, v, a)
 
 
+def as_chain(chain: ClosedChain) -> ClosedChain:
+    """Check a chain at the door.
+
+    Parameters
+    ----------
+    chain
+        What the caller passed.
+
+    Returns
+    -------
+    ClosedChain
+        The chain.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    if isinstance(chain, State):
+        raise InputError(
+            "the first argument must be a ClosedChain (see load), got State; pass state.chain, and state.q"
+        )
+    if not hasattr(chain, "loop_table"):
+        raise InputError(f"the first argument must be a ClosedChain (see load), got {type(chain).__name__}")
+    return chain
+
+
 def loop_singularity(state: State) -> SingularityError:
     """Describe a configuration at which the loops have lost a row.
 

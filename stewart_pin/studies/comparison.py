@@ -19,7 +19,7 @@ from stewart_pin.mechanics.inverse_dynamics import Method, inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.state import State
+from stewart_pin.state.state import State, as_chain
 from stewart_pin.typing import FloatArray
 
 Progress = Callable[[str, int, int], None]
@@ -94,6 +94,7 @@ def compare_methods(
     Comparison
         Forces by method; the closed form and the point-mass formula only for six-legged platforms.
     """
+    as_chain(chain)
     say = progress or (lambda stage, done, total: None)
     states: list[State] = []
     q = chain.q_home

@@ -5,6 +5,9 @@ from __future__ import annotations
 import copy
 import pickle
 import threading
+from collections.abc import Callable
+from inspect import signature
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -220,3 +223,46 @@ def test_chains_and_states_travel_without_their_scratch(rng: np.random.Generator
     assert np.array_equal(ours, theirs)
     with pytest.raises(TypeError, match="one process"):
         pickle.dumps(Scratch(chain.model))
+
+
+VERBS_OF_CHAINS = (
+    stp.close_loops,
+    stp.mobility,
+    stp.forward_kinematics,
+    stp.inverse_kinematics,
+    stp.platform_motion,
+    stp.articulated_body_acceleration,
+    stp.find_singularity,
+    stp.closed_path,
+    stp.singularity_map,
+    stp.motor_demand,
+    stp.fit_to_limits,
+    stp.compare_methods,
+    stp.simulate,
+    stp.compile_kernels,
+    stp.with_limits,
+    stp.with_motors,
+    stp.with_platform,
+    stp.lock_joints,
+    stp.attach_payload,
+    stp.replace_inertias,
+    stp.massless_legs,
+    stp.on_floating_base,
+    stp.loops_by_balls,
+    stp.displace_geometry,
+    stp.geometry_parameters,
+    stp.generic_freedom,
+    stp.export,
+    stp.write_urdf,
+    stp.constraint_models,
+)
+
+
+@pytest.mark.parametrize("verb", VERBS_OF_CHAINS, ids=lambda verb: verb.__name__)
+def test_verbs_of_chains_say_so(verb: Callable[..., Any]) -> None:
+    parameters = list(signature(verb).parameters.values())[1:]
+    told = {p.name: None for p in parameters if p.default is p.empty and p.kind is not p.VAR_KEYWORD}
+    state = robot("four_bar").at(robot("four_bar").q_home)
+    for wrong, name in (("stewart", "str"), (state, "State"), (None, "NoneType"), (object(), "object")):
+        with pytest.raises(InputError, match=rf"must be a ClosedChain \(see load\), got {name}"):
+            verb(wrong, **told)

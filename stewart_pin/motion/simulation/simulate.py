@@ -34,7 +34,7 @@ from stewart_pin.motion.simulation.record import (
 )
 from stewart_pin.motion.simulation.steppers import Phase, RungeKuttaStepper
 from stewart_pin.state.chain import ClosedChain, as_configuration
-from stewart_pin.state.state import State
+from stewart_pin.state.state import State, as_chain
 from stewart_pin.tolerances import EPS
 from stewart_pin.typing import ArrayLike, Configuration, Tangent
 
@@ -151,6 +151,7 @@ def simulate(
     >>> fall.success, fall.largest_gap < 1e-10, bool(abs(fall.energy[-1] - fall.energy[0]) < 1e-9)
     (True, True, True)
     """
+    as_chain(chain)
     q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
     dt = as_positive("dt", _number("dt", dt))
     drive = Drive(chain, controller, dt)
