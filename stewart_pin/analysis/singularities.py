@@ -18,7 +18,7 @@ import pinocchio as pin
 from scipy.optimize import brentq, minimize_scalar
 
 from stewart_pin.analysis.closed_paths import Path, closed_path
-from stewart_pin.checks import as_array, as_positive
+from stewart_pin.checks import as_array, as_count, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.singularity import Singularity, SingularityKind, classify_singularity
 from stewart_pin.mechanics.singularity.split import ALIGNED, Measure, signed_measure, split_jacobians
@@ -131,8 +131,7 @@ def find_singularity(
     start, end = (float(x) for x in as_array("interval", interval, (2,)))
     if not start < end:
         raise InputError(f"interval must rise, got {interval}")
-    if samples < 2:
-        raise InputError(f"samples must be 2 or more, got {samples}")
+    samples = as_count("samples", samples, 2)
     search = _Search(
         chain, path, _chosen(kinds), as_positive("tolerance", tolerance), length, (start, end), axes
     )

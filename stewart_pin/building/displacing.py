@@ -63,6 +63,10 @@ def displace_geometry(chain: ClosedChain, displacements: Mapping[GeometryParamet
     as_chain(chain)
     known = set(geometry_parameters(chain))
     moves: _Moves = {}
+    if not isinstance(displacements, Mapping):
+        raise InputError(
+            f"displacements must give an amount to each parameter, got {type(displacements).__name__}"
+        )
     for parameter, amount in displacements.items():
         if parameter not in known:
             raise InputError(

@@ -43,6 +43,8 @@ def replace_inertias(chain: ClosedChain, inertias: Mapping[str, pin.Inertia]) ->
         If an inertia is unphysical.
     """
     as_chain(chain)
+    if not isinstance(inertias, Mapping):
+        raise InputError(f"inertias must give an inertia to each name, got {type(inertias).__name__}")
     for name, inertia in inertias.items():
         if not isinstance(inertia, pin.Inertia):
             raise InputError(f"inertias['{name}'] must be a pinocchio.Inertia, got {type(inertia).__name__}")

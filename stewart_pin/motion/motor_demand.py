@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from stewart_pin.errors import ClosureError
+from stewart_pin.errors import ClosureError, InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
@@ -129,6 +129,10 @@ def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool 
         If kernels are wanted and the chain cannot be compiled.
     """
     as_chain(chain)
+    if not isinstance(samples, PlatformSamples):
+        raise InputError(
+            f"samples must be PlatformSamples, as sinusoidal_motion gives, got {type(samples).__name__}"
+        )
     compiled = demand_kernels(chain, len(samples), kernels)
     if compiled is None:
         return demand_by_formula(chain, samples)

@@ -139,8 +139,10 @@ def fit_to_limits(
     followed through all instants; where they go too far, the scale is found at those instants, and proven at all.
     """
     as_chain(chain)
-    if not 0 <= margin < 1:
-        raise InputError(f"margin must be at least 0 and below 1, got {margin}")
+    if not (np.ndim(margin) == 0 and isinstance(margin, int | float | np.number) and 0 <= margin < 1):
+        raise InputError(f"margin must be at least 0 and below 1, got {margin!r}")
+    if not callable(motion):
+        raise InputError(f"motion must be a function of a scale, got {type(motion).__name__}")
     return _Fit(chain, motion, margin).report()
 
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.checks import as_positive
-from stewart_pin.errors import ClosureError, InputError
+from stewart_pin.checks import as_count, as_positive
+from stewart_pin.errors import ClosureError
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.state.state import State, as_chain
 from stewart_pin.tolerances import CLOSED
@@ -258,8 +258,7 @@ def solve(
        assumption", Computing 74, 2005, theorem 2.1.
     """
     tolerance = as_positive("tolerance", tolerance)
-    if max_iterations < 0:
-        raise InputError(f"max_iterations must be 0 or more, got {max_iterations}")
+    max_iterations = as_count("max_iterations", max_iterations)
     state = chain.at(pin.normalize(chain.model, np.array(q_guess, dtype=float)))
     residual, jacobian = system.evaluate(state)
     worst = _largest(residual)

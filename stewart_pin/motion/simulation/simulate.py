@@ -158,7 +158,13 @@ def simulate(
     start_time = _number("start_time", start_time)
     state = SimulationState(start_time, 0, dt, q, v, np.zeros(drive.state_size), np.zeros(chain.nu))
     options = _options(duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress)
-    return _run(chain, state, drive, motors or Motors(), options)
+    return _run(chain, state, drive, _motors(motors), options)
+
+
+def _motors(motors: Motors | None) -> Motors:
+    if motors is not None and not isinstance(motors, Motors):
+        raise InputError(f"motors must be Motors, got {type(motors).__name__}")
+    return motors or Motors()
 
 
 def resume(
@@ -226,7 +232,7 @@ def resume(
     if kernels is None and state.memory is not None:
         kernels = state.memory.plant.kernel or state.memory.plant.projector
     options = _options(duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress)
-    return _run(chain, state, drive, motors or Motors(), options)
+    return _run(chain, state, drive, _motors(motors), options)
 
 
 def _run(
