@@ -26,7 +26,7 @@ from stewart_pin.model.tree import build_tree
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.newton import close_at_precision, displaced
 from stewart_pin.state.state import State
-from stewart_pin.tolerances import CLOSED, EPS
+from stewart_pin.tolerances import CLOSED, ROUND_OFF_STEPS
 from stewart_pin.typing import Configuration, FloatArray
 
 _COARSEST = 5e-3
@@ -262,10 +262,11 @@ def _closing_everywhere(
     """Move the places by the least that closes the loops at all states, which move along (Levenberg-Marquardt)."""
     states = [chain.at(state.q) for state in states]
     size, extra = _size(states), 1.0
+    noise = max(state.round_off for state in states) / ROUND_OFF_STEPS
     matrix = right = np.zeros(0)
     columns: list[FloatArray] = []
     for _ in range(_STEPS):
-        if _open(states) <= CLOSED / 40 or extra > _LEAST:
+        if _open(states) <= max(CLOSED, ROUND_OFF_STEPS * noise) / 40 or extra > _LEAST:
             break
         if not columns:
             columns = [_columns(state, places) for state in states]
@@ -275,9 +276,11 @@ def _closing_everywhere(
                 [rows @ state.relative_gap for rows, state in zip(left, states, strict=True)]
             )
         u, s, vt = np.linalg.svd(matrix, full_matrices=False)
-        # Damped by the size of the residual: the least moves, whatever the rank of these equations. Round-off, of
-        # size EPS in every one, may not move anything farther than digits reach.
-        damping = extra * float(np.linalg.norm(right)) + _FLOOR * s[0] + EPS * np.sqrt(right.size) / forgiven
+        # Damped by the size of the residual: the least moves, whatever the rank of these equations. Round-off, which
+        # stands in every one, may not move anything farther than digits reach.
+        damping = (
+            extra * float(np.linalg.norm(right)) + _FLOOR * s[0] + noise * np.sqrt(right.size) / forgiven
+        )
         moves = -ease * (vt.T @ ((s / (s**2 + damping**2)) * (u.T @ right)))
         trial = _moved(chain, places, moves)
         trials = [
