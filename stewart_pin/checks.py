@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 
 import numpy as np
 
@@ -110,6 +111,70 @@ def as_positive(name: str, value: float) -> float:
     if not np.isfinite(number) or number <= 0.0:
         raise InputError(f"{name} must be a finite number above zero, got {value}")
     return number
+
+
+def as_count(name: str, value: int, least: int = 0) -> int:
+    """Return a whole number that is large enough.
+
+    Parameters
+    ----------
+    name
+        Name of the argument, for the message.
+    value
+        What the caller passed.
+    least
+        Smallest that is allowed.
+
+    Returns
+    -------
+    int
+        The value.
+
+    Raises
+    ------
+    InputError
+        If it is no whole number, or smaller.
+    """
+    try:
+        number = operator.index(value)
+    except TypeError:
+        raise InputError(f"{name} must be a whole number, {least} or more, got {value!r}") from None
+    if number < least:
+        raise InputError(f"{name} must be {least} or more, got {number}")
+    return number
+
+
+def as_spread(name: str, value: ArrayLike, count: int) -> FloatArray:
+    """Spread one number, or take one for each, none below zero.
+
+    Parameters
+    ----------
+    name
+        Name of the argument, for the message.
+    value
+        What the caller passed.
+    count
+        How many are wanted.
+
+    Returns
+    -------
+    numpy.ndarray
+        (count,) the values [any unit]; infinity is one.
+
+    Raises
+    ------
+    InputError
+        If the shape is another, or an entry no number or below zero.
+    """
+    try:
+        array = _as_float(name, value)
+    except InputError:
+        raise InputError(f"{name} must be a number or have shape ({count},), got {value!r}") from None
+    if array.shape not in ((), (count,)):
+        raise InputError(f"{name} must be a number or have shape ({count},), got {array.shape}")
+    if not (array >= 0).all():
+        raise InputError(f"{name} must be 0 or more, got {value!r}")
+    return np.array(np.broadcast_to(array, (count,)))
 
 
 def require_broadcast(**shapes: tuple[int, ...]) -> None:

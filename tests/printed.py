@@ -12,16 +12,21 @@ from scipy.spatial.transform import Rotation
 
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
+from stewart_pin.model.description import JointKind
 
 _NUMBER = re.compile(r"-?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
 _PLACES = re.compile(r'((?:xyz|rpy|pos|quat|axis|anchor|relpose)=")([^"]*)"')
 
 
-def turned_frames(chain: stp.ClosedChain, seed: int) -> stp.ClosedChain:
-    """Turn the frame of every moving link; home has to be zero, and is again."""
+def turned_frames(chain: stp.ClosedChain, seed: int, *, slide: float = 0.0) -> stp.ClosedChain:
+    """Turn the frame of every moving link, and slide it along its axis; home has to be zero, and is again."""
     rng, old = np.random.default_rng(seed), chain.described()
     turn = {link.name: pin.SE3(Rotation.random(rng=rng).as_matrix(), np.zeros(3)) for link in old.links}
     turn[old.root] = pin.SE3.Identity()
+    for joint in old.joints:
+        if joint.kind is JointKind.REVOLUTE:
+            turn[joint.child].translation = slide * rng.uniform(0.5, 1.0) * np.asarray(joint.axis)
+    along = [pin.SE3(np.eye(3), slide * np.asarray(loop.axis)) for loop in old.loops]
     mechanism = replace(
         old,
         links=tuple(
@@ -39,10 +44,10 @@ def turned_frames(chain: stp.ClosedChain, seed: int) -> stp.ClosedChain:
         loops=tuple(
             replace(
                 loop,
-                placement1=turn[loop.link1].inverse() * loop.placement1,
-                placement2=turn[loop.link2].inverse() * loop.placement2,
+                placement1=turn[loop.link1].inverse() * loop.placement1 * shift,
+                placement2=turn[loop.link2].inverse() * loop.placement2 * shift,
             )
-            for loop in old.loops
+            for loop, shift in zip(old.loops, along, strict=True)
         ),
         home={},
     )

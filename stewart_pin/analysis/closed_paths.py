@@ -11,6 +11,7 @@ from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.state.newton import close_loops
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import ArrayLike, Configuration
 
 Path = Callable[[float], Configuration]
@@ -40,6 +41,7 @@ def closed_path(chain: ClosedChain, configurations: ArrayLike) -> Path:
     ClosureError
         When called: if the loops do not close in between; give more configurations.
     """
+    as_chain(chain)
     stops = as_array("configurations", configurations, (None, chain.nq))
     if len(stops) < 2:
         raise InputError(f"configurations must be two or more, got {len(stops)}")

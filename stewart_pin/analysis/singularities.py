@@ -19,13 +19,14 @@ from scipy.optimize import brentq, minimize_scalar
 
 from stewart_pin.analysis.closed_paths import Path, closed_path
 from stewart_pin.brief import Brief
-from stewart_pin.checks import as_array, as_positive
+from stewart_pin.checks import as_array, as_count, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.singularity import Singularity, SingularityKind, classify_singularity
 from stewart_pin.mechanics.singularity.split import ALIGNED, Measure, signed_measure, split_jacobians
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.state.freedom import TWIST_AXES, TwistAxis
 from stewart_pin.state.generic import generic_freedom
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import ArrayLike, Configuration
 
 _SHORTEST = 1e-6
@@ -123,6 +124,7 @@ def find_singularity(
     -----
     A path from a singular configuration starts on one: it is found at once, with ``at`` the start.
     """
+    as_chain(chain)
     chain.platform_link  # noqa: B018 - raises
     if not callable(path):
         stops = as_array("path", path, (None, chain.nq))
@@ -130,8 +132,7 @@ def find_singularity(
     start, end = (float(x) for x in as_array("interval", interval, (2,)))
     if not start < end:
         raise InputError(f"interval must rise, got {interval}")
-    if samples < 2:
-        raise InputError(f"samples must be 2 or more, got {samples}")
+    samples = as_count("samples", samples, 2)
     search = _Search(
         chain, path, _chosen(kinds), as_positive("tolerance", tolerance), length, (start, end), axes
     )

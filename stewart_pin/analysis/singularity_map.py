@@ -21,6 +21,7 @@ from stewart_pin.state.freedom import TWIST_AXES, TwistAxis
 from stewart_pin.state.generic import generic_freedom
 from stewart_pin.state.newton import Closure, close_loops, solve
 from stewart_pin.state.paths import pose_path
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 _FAR = 0.5
@@ -110,6 +111,7 @@ def singularity_map(
     InputError
         If an argument makes no sense, or the branch reaches no cell next to its start.
     """
+    as_chain(chain)
     x, y = (_rising(name, value) for name, value in (("x", x), ("y", y)))
     if len(set(plane)) != 2 or not set(plane) <= set(TWIST_AXES[:3]) & set(axes):
         raise InputError(f"plane must be two of vx, vy, vz that axes hold, got {plane!r}")

@@ -21,6 +21,7 @@ from stewart_pin.state.geometry_parameters import (
     geometry_parameters,
 )
 from stewart_pin.state.newton import close_loops
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import FloatArray
 
 _Moves = dict[tuple[str, Attachment], FloatArray]
@@ -59,8 +60,13 @@ def displace_geometry(chain: ClosedChain, displacements: Mapping[GeometryParamet
     >>> first = stp.build.geometry_parameters(chain)[0]
     >>> moved = stp.build.displace_geometry(chain, {first: 1e-3})
     """
+    as_chain(chain)
     known = set(geometry_parameters(chain))
     moves: _Moves = {}
+    if not isinstance(displacements, Mapping):
+        raise InputError(
+            f"displacements must give an amount to each parameter, got {type(displacements).__name__}"
+        )
     for parameter, amount in displacements.items():
         if parameter not in known:
             raise InputError(

@@ -11,6 +11,7 @@ from stewart_pin.model.description import Mechanism, Note, Report
 from stewart_pin.model.formats.dialect import dialects
 from stewart_pin.model.formats.mjcf.writing import write_mjcf_file
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import as_chain
 
 
 def write_urdf(chain: ClosedChain, path: str | Path) -> Report:
@@ -70,6 +71,7 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> Re
     UnsupportedError
         If the format cannot express the chain; names the link, joint, loop or motor at fault.
     """
+    as_chain(chain)
     writers = {"mjcf": _write_mjcf}
     writers |= {
         dialect.name: _describing(dialect.write) for dialect in dialects() if dialect.write is not None

@@ -13,6 +13,7 @@ from stewart_pin.errors import InputError
 from stewart_pin.model.description import Joint, JointKind, Link
 from stewart_pin.model.validation import is_massless
 from stewart_pin.state.chain import ClosedChain, as_pose
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import ArrayLike
 
 FLOATING_JOINT = "floating_base"
@@ -61,6 +62,7 @@ def on_floating_base(
     >>> satellite.nq, satellite.nv, satellite.nu
     (14, 13, 7)
     """
+    as_chain(chain)
     mechanism = chain.described()
     root = mechanism.link(mechanism.root)
     inertia = root.inertia if base_inertia is None else base_inertia

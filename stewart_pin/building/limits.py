@@ -22,6 +22,7 @@ from stewart_pin.model.limits import KINDS
 from stewart_pin.model.tree import set_limits
 from stewart_pin.model.validation import validate
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import as_chain
 
 _AT_HOME = 1e-3
 """How far home may stand outside a range, in robot sizes and radians: what printed digits may cost."""
@@ -69,6 +70,7 @@ def with_limits(
     leg2, leg3 and 3 more: position 0.5 to 1.8 m, velocity -2 to 2 m/s, effort -10000 to 10000 N
     leg1_ball swing: position up to 0.5 rad
     """
+    as_chain(chain)
     mechanism = chain.mechanism
     if not isinstance(limits, Mapping):
         raise InputError(f"limits must be a mapping of joints, got {type(limits).__name__}")

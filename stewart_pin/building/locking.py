@@ -19,6 +19,7 @@ from stewart_pin.model.description import Coupling, Joint, JointKind
 from stewart_pin.model.tree import link_frame
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.state.newton import close_loops
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import ArrayLike, Configuration
 
 _FLAT = 1e-9
@@ -66,6 +67,7 @@ def lock_joints(chain: ClosedChain, joints: Sequence[str], q: ArrayLike | None =
     >>> chain.motors, chain.nv, stp.mobility(chain).dof
     (('leg4', 'leg5', 'leg6'), 21, 3)
     """
+    as_chain(chain)
     locked = _names(chain, joints)
     q = _closed(chain, chain.q_home if q is None else as_configuration(chain, "q", q))
     mechanism = chain.described()

@@ -12,6 +12,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import JointKind, Loop, Note
 from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import FloatArray
 
 _SHARE = 0.25
@@ -50,6 +51,7 @@ def loops_by_balls(chain: ClosedChain, *, distance: float | None = None) -> Clos
     >>> [(loop.name, str(loop.kind)) for loop in by_balls.loops]
     [('tip_pin_1', 'spherical'), ('tip_pin_2', 'spherical')]
     """
+    as_chain(chain)
     apart = as_positive("distance", _SHARE * chain.length_scale if distance is None else distance)
     loops = tuple(ball for loop in chain.loops for ball in _balls(loop, apart))
     lost = tuple(

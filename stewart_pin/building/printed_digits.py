@@ -21,11 +21,12 @@ from stewart_pin.building.home import keep_home, near_home, settle_home
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import JointKind, Mechanism, Note, Outcome
 from stewart_pin.model.formats.precision import Precision
+from stewart_pin.model.sizes import length_scale
 from stewart_pin.model.tree import build_tree
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.newton import close_at_precision, displaced
 from stewart_pin.state.state import State
-from stewart_pin.tolerances import CLOSED, EPS
+from stewart_pin.tolerances import CLOSED, ROUND_OFF_STEPS
 from stewart_pin.typing import Configuration, FloatArray
 
 _COARSEST = 5e-3
@@ -92,13 +93,18 @@ def settle_printed(chain: ClosedChain, forgiven: float | Precision) -> ClosedCha
         As `settle_home`, where digits do not explain that the loops stay open.
     """
     places = _places(chain)
+    # Axes that meet in a point but for digits have no size between them: these are no length of the robot.
+    size = chain.length_scale
     if isinstance(forgiven, Precision):
-        half_unit = max(forgiven.angle, forgiven.length / chain.length_scale)
-        forgiven = min(_COARSEST, _MARGIN * half_unit * np.sqrt(6 * max(1, len(places))))
+        size = length_scale(chain.mechanism, chain.platform, digits=_explained(forgiven, size, places))
+        forgiven = _explained(forgiven, size, places)
+    else:
+        size = length_scale(chain.mechanism, chain.platform, digits=forgiven)
     if not (forgiven > 0 and chain.loops):
         return settle_home(chain)
+    printed = chain if size == chain.length_scale else _of_size(chain, size)
     try:
-        moved = _absorbed(chain, near_home(chain, forgiven, searching=False), places, forgiven)
+        moved = _absorbed(printed, near_home(printed, forgiven, searching=False), places, forgiven)
     except _Undecided as undecided:
         return _as_it_stands(chain, undecided)
     if moved is not None:
@@ -106,16 +112,22 @@ def settle_printed(chain: ClosedChain, forgiven: float | Precision) -> ClosedCha
     try:
         settled = settle_home(chain)
     except MechanismError:
-        near = near_home(chain, forgiven, searching=True)
-        moved = None if near is None else _absorbed(chain, near, places, forgiven)
+        near = near_home(printed, forgiven, searching=True)
+        moved = None if near is None else _absorbed(printed, near, places, forgiven)
         if moved is None:
             raise
         return moved
     try:
-        moved = _absorbed(chain, settled.q_home, places, forgiven)
+        moved = _absorbed(printed, settled.q_home, places, forgiven)
     except _Undecided as undecided:
         return _with_note(settled, undecided)
     return settled if moved is None else moved
+
+
+def _explained(precision: Precision, size: float, places: Sequence[_Place]) -> float:
+    """Gap that the digits of a file explain, in robot sizes and radians."""
+    half_unit = max(precision.angle, precision.length / size)
+    return min(_COARSEST, _MARGIN * half_unit * np.sqrt(6 * max(1, len(places))))
 
 
 class _Undecided(MechanismError):
@@ -151,10 +163,10 @@ def _absorbed(
     if rank == chain.nc or gap > forgiven:
         return None
     spurious = values[rank:]
-    if max(gap, spurious.max(initial=0.0)) <= _EXACT:
+    if max(gap, spurious.max(initial=0.0)) <= max(_EXACT, home.state.round_off):
         # Home may be exact by its symmetry, and the motion not.
         probe = _Walk(home.state, rank, forgiven, _REGULAR[0], np.random.default_rng(0)).on(chain, _PROBES)
-        if probe is None or _open(probe) <= CLOSED:
+        if probe is None or _closed(probe):
             return None
     if len(places) * (1 + chain.nv - rank) > _LARGEST:
         raise _undecided(chain, gap, spurious, "the mechanism is too large to look for one that keeps them")
@@ -166,7 +178,7 @@ def _absorbed(
             fresh = walk.on(moved)
             if fresh is None:
                 return None
-            if moved is not chain and _open(fresh) <= CLOSED:
+            if moved is not chain and _closed(fresh):
                 # Home has followed; Newton's method without the rank would drift where it is all but closed.
                 return keep_home(_told(chain, moved, places, forgiven, gap, spurious), states[0].q)
             # From the start again: moves that closed a part of the motion lie in a narrow valley of those for the rest.
@@ -175,7 +187,7 @@ def _absorbed(
             ]
             moved, states = _closing_everywhere(chain, again, rank, places, forgiven, ease)
             walk.at = states[-1]
-            if _open(states) > CLOSED and number:
+            if not _closed(states) and number:
                 break
         # Between two families of mechanisms no small move leads to either; unequal ones leave the middle.
         ease = 10.0 ** rng.uniform(-1.0, 0.0, ease.size)
@@ -250,10 +262,11 @@ def _closing_everywhere(
     """Move the places by the least that closes the loops at all states, which move along (Levenberg-Marquardt)."""
     states = [chain.at(state.q) for state in states]
     size, extra = _size(states), 1.0
+    noise = max(state.round_off for state in states) / ROUND_OFF_STEPS
     matrix = right = np.zeros(0)
     columns: list[FloatArray] = []
     for _ in range(_STEPS):
-        if _open(states) <= CLOSED / 40 or extra > _LEAST:
+        if _open(states) <= max(CLOSED, ROUND_OFF_STEPS * noise) / 40 or extra > _LEAST:
             break
         if not columns:
             columns = [_columns(state, places) for state in states]
@@ -263,9 +276,11 @@ def _closing_everywhere(
                 [rows @ state.relative_gap for rows, state in zip(left, states, strict=True)]
             )
         u, s, vt = np.linalg.svd(matrix, full_matrices=False)
-        # Damped by the size of the residual: the least moves, whatever the rank of these equations. Round-off, of
-        # size EPS in every one, may not move anything farther than digits reach.
-        damping = extra * float(np.linalg.norm(right)) + _FLOOR * s[0] + EPS * np.sqrt(right.size) / forgiven
+        # Damped by the size of the residual: the least moves, whatever the rank of these equations. Round-off, which
+        # stands in every one, may not move anything farther than digits reach.
+        damping = (
+            extra * float(np.linalg.norm(right)) + _FLOOR * s[0] + noise * np.sqrt(right.size) / forgiven
+        )
         moves = -ease * (vt.T @ ((s / (s**2 + damping**2)) * (u.T @ right)))
         trial = _moved(chain, places, moves)
         trials = [
@@ -292,6 +307,10 @@ def _followed(chain: ClosedChain, state: State, opened: FloatArray, rank: int) -
 
 def _open(states: Sequence[State]) -> float:
     return max(state.largest_gap for state in states)
+
+
+def _closed(states: Sequence[State]) -> bool:
+    return all(state.largest_gap <= max(CLOSED, state.round_off) for state in states)
 
 
 def _places(chain: ClosedChain) -> tuple[_Place, ...]:
@@ -370,9 +389,14 @@ def _moved(chain: ClosedChain, places: Sequence[_Place], moves: FloatArray) -> C
 def _rebuilt(chain: ClosedChain, mechanism: Mechanism) -> ClosedChain:
     moved = replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
     # Sizes are of the file's numbers, not of digits: natural units stay the same from step to step.
-    for name in ("length_scale", "tangent_scale", "angle_mask", "row_sizes", "row_scale", "twist_sizes"):
-        moved.__dict__[name] = getattr(chain, name)
-    return moved
+    return _of_size(moved, chain.length_scale)
+
+
+def _of_size(chain: ClosedChain, size: float) -> ClosedChain:
+    """Give a chain other natural units."""
+    sized = replace(chain)
+    sized.__dict__["length_scale"] = size
+    return sized
 
 
 def _told(

@@ -12,6 +12,7 @@ from stewart_pin.building.rotors import with_rotors_of
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import Joint, JointKind, Link, Mechanism
 from stewart_pin.state.chain import ClosedChain, as_pose
+from stewart_pin.state.state import as_chain
 
 
 def with_motors(chain: ClosedChain, motors: Sequence[str]) -> ClosedChain:
@@ -43,6 +44,7 @@ def with_motors(chain: ClosedChain, motors: Sequence[str]) -> ClosedChain:
     >>> stp.mobility(chain).motors_sufficient
     True
     """
+    as_chain(chain)
     rebuilt = build_chain(chain.described(), motors=motors, platform=chain.platform, gravity=chain.gravity)
     return with_rotors_of(chain, rebuilt)
 
@@ -83,6 +85,7 @@ def with_platform(
     >>> stp.platform_pose(chain, chain.q_home).translation
     array([0. , 0. , 1.1])
     """
+    as_chain(chain)
     mechanism = chain.described()
     require_link(mechanism, "link", link)
     if placement is None:

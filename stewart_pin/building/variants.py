@@ -17,6 +17,7 @@ from stewart_pin.model.fixed_links import fixed_to
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import validate
 from stewart_pin.state.chain import ClosedChain, as_pose
+from stewart_pin.state.state import as_chain
 
 
 def replace_inertias(chain: ClosedChain, inertias: Mapping[str, pin.Inertia]) -> ClosedChain:
@@ -41,6 +42,9 @@ def replace_inertias(chain: ClosedChain, inertias: Mapping[str, pin.Inertia]) ->
     MechanismError
         If an inertia is unphysical.
     """
+    as_chain(chain)
+    if not isinstance(inertias, Mapping):
+        raise InputError(f"inertias must give an inertia to each name, got {type(inertias).__name__}")
     for name, inertia in inertias.items():
         if not isinstance(inertia, pin.Inertia):
             raise InputError(f"inertias['{name}'] must be a pinocchio.Inertia, got {type(inertia).__name__}")
@@ -99,6 +103,7 @@ def attach_payload(
     >>> chain = stp.attach_payload(stp.load("stewart"), box)
     >>> effort = stp.inverse_dynamics(chain, chain.q_home, np.zeros(chain.nv), np.zeros(chain.nv))
     """
+    as_chain(chain)
     if not isinstance(inertia, pin.Inertia):
         raise InputError(f"inertia must be a pinocchio.Inertia, got {type(inertia).__name__}")
     mechanism, carrier = chain.described(), chain.platform_link if link is None else link
@@ -129,6 +134,7 @@ def massless_legs(chain: ClosedChain, *, point_platform: bool = False) -> Closed
     UnsupportedError
         If the platform's mass is to be gathered, but no link that is fixed to the platform has an inertia.
     """
+    as_chain(chain)
     bodies = {link.name: link.inertia for link in chain.mechanism.links if link.inertia is not None}
     ground, platform = (
         fixed_to(chain.mechanism, link) for link in (chain.mechanism.root, chain.platform_link)

@@ -11,6 +11,7 @@ from stewart_pin.errors import InputError, MissingExtraError
 from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.running.array_kernel import Engine
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import as_chain
 
 
 def compile_kernels(
@@ -56,6 +57,7 @@ def compile_kernels(
     >>> kernels.inverse_dynamics(pose, rest, rest).round(2)
     array([[49.99, 49.99, 49.99, 49.99, 49.99, 49.99]])
     """
+    as_chain(chain)
     if coordinates not in ("platform", "motor", "tree"):
         raise InputError(f"coordinates must be 'platform', 'motor' or 'tree', got {coordinates!r}")
     try:

@@ -8,13 +8,12 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.brief import Brief
-from stewart_pin.checks import as_array
-from stewart_pin.errors import InputError
+from stewart_pin.checks import as_array, as_count
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import random_configuration, unwound
 from stewart_pin.state.newton import Closure, solve
 from stewart_pin.state.paths import motor_path
-from stewart_pin.state.state import State
+from stewart_pin.state.state import State, as_chain
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 _SAME = 1e-6
@@ -81,11 +80,11 @@ def all_forward_kinematics(
     InputError
         If there is no start.
     """
+    as_chain(chain)
     chain.require_motors()
     chain.platform_link  # noqa: B018 - raises
     target = as_array("q_motor", q_motor, (chain.nu,))
-    if starts < 1:
-        raise InputError(f"starts must be 1 or more, got {starts}")
+    starts = as_count("starts", starts, 1)
     rng = np.random.default_rng(seed)
     home = chain.at(chain.q_home)
     system = motor_path(home, target).system(chain)

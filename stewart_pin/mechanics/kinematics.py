@@ -16,7 +16,7 @@ from stewart_pin.state.chain import ClosedChain, as_pose
 from stewart_pin.state.freedom import TWIST_AXES, Motions, split_motions
 from stewart_pin.state.newton import Closure, close_loops
 from stewart_pin.state.paths import follow_path, motor_path, pose_path
-from stewart_pin.state.state import State, as_state
+from stewart_pin.state.state import State, as_chain, as_state
 from stewart_pin.tolerances import SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
@@ -68,7 +68,7 @@ def motor_positions(chain: ClosedChain | State, q: ArrayLike | None = None) -> F
 
 def inverse_kinematics(
     chain: ClosedChain,
-    pose: pin.SE3,
+    pose: pin.SE3 | ArrayLike,
     *,
     q_guess: ArrayLike | None = None,
     limits: bool = True,
@@ -84,7 +84,7 @@ def inverse_kinematics(
     chain
         Closed chain.
     pose
-        Platform frame in the world.
+        Platform frame in the world: a placement, x y z qx qy qz qw, or a matrix (4, 4) [m].
     q_guess
         (nq,) configuration to start from [m, rad, unit quaternions]; default: home.
     limits
@@ -109,6 +109,7 @@ def inverse_kinematics(
     See `stewart_pin.state.paths` for what keeps the branch. From a guess that is singular itself, where branches meet,
     any of them will do.
     """
+    as_chain(chain)
     pose = as_pose("pose", pose)
     start = _start(chain, q_guess)
     closure = follow_path(start, pose_path(start, pose))
@@ -177,6 +178,7 @@ def forward_kinematics(
     UnreachableError
         If a joint limit is exceeded; names the joints and their values.
     """
+    as_chain(chain)
     chain.require_motors()
     target = as_array("q_motor", q_motor, (chain.nu,))
     if all:
@@ -191,7 +193,7 @@ def forward_kinematics(
 
 def platform_motion(
     chain: ClosedChain,
-    pose: pin.SE3,
+    pose: pin.SE3 | ArrayLike,
     twist: ArrayLike,
     acceleration: ArrayLike,
     *,
@@ -207,7 +209,7 @@ def platform_motion(
     chain
         Closed chain.
     pose
-        Platform frame in the world.
+        Platform frame in the world: a placement, x y z qx qy qz qw, or a matrix (4, 4) [m].
     twist
         (6,) velocity of the platform origin and angular velocity, in world axes [m/s, rad/s].
     acceleration
@@ -229,6 +231,7 @@ def platform_motion(
     UnreachableError
         If a joint limit is exceeded.
     """
+    as_chain(chain)
     twist = as_array("twist", twist, (6,))
     acceleration = as_array("acceleration", acceleration, (6,))
     placed = inverse_kinematics(chain, pose, q_guess=q_guess, limits=limits).state

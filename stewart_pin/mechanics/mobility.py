@@ -11,7 +11,7 @@ import scipy.linalg
 from stewart_pin.brief import Brief
 from stewart_pin.mechanics.motor_sets import analyse_motors
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.state import State
+from stewart_pin.state.state import State, as_chain
 from stewart_pin.tolerances import SINGULAR
 from stewart_pin.typing import FloatArray
 
@@ -95,6 +95,7 @@ def mobility(chain: ClosedChain) -> Mobility:
     >>> found.dof, found.verdict, found.free_joints, found.suggestion
     (2, 'too few', ('left_knee', 'right_hip', 'right_knee'), ('left_hip', 'right_hip'))
     """
+    as_chain(chain)
     usual = chain.generic
     home, samples = chain.at(chain.q_home), [chain.at(q) for q in usual.samples]
     # The state that is farthest from singular shows most clearly who takes part in what.

@@ -98,6 +98,8 @@ def joint_reactions(
     """
     state = as_state(chain, q, v)
     effort = inverse_dynamics(state) if effort is None else effort
+    if not isinstance(effort, Effort):
+        raise InputError(f"effort must be what inverse_dynamics answers, got {type(effort).__name__}")
     chain, model, data = state.chain, state.chain.mass_model, pin.Data(state.chain.model)
     q, v, unit = state.q, state.v, state.chain.mass_unit
     pin.computeJointJacobians(model, data, q)  # and placements in the world, which rnea leaves alone

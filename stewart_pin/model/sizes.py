@@ -45,7 +45,7 @@ class _Place:
     axis: FloatArray | None = None
 
 
-def length_scale(mechanism: Mechanism, platform: str | None = None) -> float:
+def length_scale(mechanism: Mechanism, platform: str | None = None, *, digits: float = 0.0) -> float:
     """Measure a mechanism.
 
     Parameters
@@ -54,6 +54,9 @@ def length_scale(mechanism: Mechanism, platform: str | None = None) -> float:
         Description.
     platform
         Link whose origin counts as a place, too.
+    digits
+        Share of the other lengths in the file that its last digits leave open: a distance between joints below it is
+        no length, but axes that were meant to meet or to lie in line, dimensionless.
 
     Returns
     -------
@@ -72,7 +75,7 @@ def length_scale(mechanism: Mechanism, platform: str | None = None) -> float:
         drawn,
         _farthest_mass(mechanism),
     ]
-    floor = _OFFSET_OF_ROUND_OFF * max(told[0], *told[2:])
+    floor = max(_OFFSET_OF_ROUND_OFF, digits) * max(told[0], *told[2:])
     return next((length for length in told if length > floor), 1.0)
 
 

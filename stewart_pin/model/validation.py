@@ -234,10 +234,12 @@ class _Validator:
                     self._span(f"loop '{loop.name}'", loop.name, what, span)
             if loop.link1 == loop.link2:
                 raise self._error(loop.name, f"loop '{loop.name}' joins link '{loop.link1}' to itself")
-            if loop.kind == "distance" and not loop.length > 0:
+            # A rod as short as round-off has no direction, and two points on one place are a ball.
+            if loop.kind == "distance" and not loop.length > _ROUND_OFF * np.sqrt(self.round_off / _TURNED):
                 raise self._error(
                     loop.name,
-                    f"loop '{loop.name}' keeps the distance {loop.length:g} m; give a <length value> above zero",
+                    f"loop '{loop.name}' keeps the distance {loop.length:g} m; give a <length value> above zero, or a "
+                    "ball where the two points are one",
                 )
 
     def _couplings(self) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.brief import Brief
-from stewart_pin.checks import as_positive
+from stewart_pin.checks import as_positive, as_spread
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, leg_jacobian, leg_lengths, point_mass_forces
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
@@ -128,7 +128,7 @@ class LegPID(Brief):
 
     def __post_init__(self) -> None:
         for name in ("kp", "ki", "kd", "integral_limit"):
-            _per_motor(name, getattr(self, name), self.chain.nu)
+            as_spread(name, getattr(self, name), self.chain.nu)
 
     @property
     def state_size(self) -> int:
@@ -228,7 +228,7 @@ class ComputedTorque(Brief):
 
     def __post_init__(self) -> None:
         _require_model(self.model)
-        _per_motor("motor_inertia", self.motor_inertia, self.chain.nu)
+        as_spread("motor_inertia", self.motor_inertia, self.chain.nu)
         if self.model == "point_mass":
             Hexapod.from_chain(self.chain)
 
@@ -362,9 +362,3 @@ def _point_mass(chain: ClosedChain, hexapod: Any, pose: pin.SE3, acceleration: F
 def _require_model(model: str) -> None:
     if model not in MODELS:
         raise InputError(f"model must be one of {', '.join(MODELS)}, got {model!r}")
-
-
-def _per_motor(name: str, value: ArrayLike, count: int) -> None:
-    shape = np.shape(value)
-    if shape not in ((), (count,)) or not (np.asarray(value, dtype=float) >= 0).all():
-        raise InputError(f"{name} must be 0 or more, one number or ({count},), got {value!r}")

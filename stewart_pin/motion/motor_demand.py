@@ -11,7 +11,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.brief import Brief
-from stewart_pin.errors import ClosureError
+from stewart_pin.errors import ClosureError, InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
@@ -27,6 +27,7 @@ from stewart_pin.motion.leg_formula import leg_formula
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import Excess
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import Configuration, FloatArray
 
 _CLOSED_FORM = 100
@@ -128,6 +129,11 @@ def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool 
     UnsupportedError
         If kernels are wanted and the chain cannot be compiled.
     """
+    as_chain(chain)
+    if not isinstance(samples, PlatformSamples):
+        raise InputError(
+            f"samples must be PlatformSamples, as sinusoidal_motion gives, got {type(samples).__name__}"
+        )
     compiled = demand_kernels(chain, len(samples), kernels)
     if compiled is None:
         return demand_by_formula(chain, samples)

@@ -15,6 +15,7 @@ from stewart_pin.motion.motor_demand import MotorDemand, motor_demand
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import AT_LIMIT, Asked
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import FloatArray
 
 _ACCURACY = 1e-6
@@ -138,8 +139,11 @@ def fit_to_limits(
     The motors come first, since they have closed forms and kernels. At the scale that they allow, the other joints are
     followed through all instants; where they go too far, the scale is found at those instants, and proven at all.
     """
-    if not 0 <= margin < 1:
-        raise InputError(f"margin must be at least 0 and below 1, got {margin}")
+    as_chain(chain)
+    if not (np.ndim(margin) == 0 and isinstance(margin, int | float | np.number) and 0 <= margin < 1):
+        raise InputError(f"margin must be at least 0 and below 1, got {margin!r}")
+    if not callable(motion):
+        raise InputError(f"motion must be a function of a scale, got {type(motion).__name__}")
     return _Fit(chain, motion, margin).report()
 
 

@@ -309,7 +309,7 @@ class ClosedChain:
     def _home_quantities(self) -> dict[str, Any]:
         """What solvers ask of home, computed once."""
         home = State(self, self.q_home)
-        wanted = ["largest_gap", "rows", *(["pose", "P"] if self.platform is not None else [])]
+        wanted = ["largest_gap", "rows", *(["_pose", "P"] if self.platform is not None else [])]
         [getattr(home, name) for name in wanted]
         return {name: value for name, value in vars(home).items() if name != "_scratch"}
 
@@ -475,7 +475,7 @@ def as_configuration(chain: ClosedChain, name: str, q: ArrayLike) -> Configurati
     return q
 
 
-def as_pose(name: str, pose: pin.SE3) -> pin.SE3:
+def as_pose(name: str, pose: pin.SE3 | ArrayLike) -> pin.SE3:
     """Check a placement at the door.
 
     Parameters
@@ -483,7 +483,7 @@ def as_pose(name: str, pose: pin.SE3) -> pin.SE3:
     name
         Name of the argument, for the message.
     pose
-        What the caller passed.
+        What the caller passed: a placement, seven numbers x y z qx qy qz qw, or a matrix (4, 4) [m].
 
     Returns
     -------
@@ -495,8 +495,29 @@ def as_pose(name: str, pose: pin.SE3) -> pin.SE3:
     InputError
         If it is no placement, or holds no finite numbers or no rotation.
     """
-    if not isinstance(pose, pin.SE3):
-        raise InputError(f"{name} must be a pinocchio.SE3, got {type(pose).__name__}")
-    as_array(f"{name}.translation", pose.translation, (3,))
-    as_rotation(f"{name}.rotation", pose.rotation)
-    return pose
+    placement: pin.SE3 = pose if isinstance(pose, pin.SE3) else _placed(name, pose)
+    as_array(f"{name}.translation", placement.translation, (3,))
+    as_rotation(f"{name}.rotation", placement.rotation)
+    return placement
+
+
+def _placed(name: str, pose: ArrayLike) -> pin.SE3:
+    """Make a placement of seven numbers or a matrix."""
+    wanted = f"{name} must be a pinocchio.SE3, seven numbers x y z qx qy qz qw, or a matrix (4, 4)"
+    try:
+        numbers = np.asarray(pose, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{wanted}, got {type(pose).__name__}") from None
+    if numbers.shape == (7,):
+        numbers = as_array(name, numbers, (7,))
+        if abs(float(np.linalg.norm(numbers[3:])) - 1.0) > _UNIT_QUATERNION:
+            raise InputError(
+                f"{name} holds a quaternion that is not of unit length, {numbers[3:]}; divide it by its norm"
+            )
+        return pin.XYZQUATToSE3(np.concatenate([numbers[:3], numbers[3:] / np.linalg.norm(numbers[3:])]))
+    if numbers.shape == (4, 4):
+        numbers = as_array(name, numbers, (4, 4))
+        if not np.array_equal(numbers[3], [0.0, 0.0, 0.0, 1.0]):
+            raise InputError(f"{name} must end with the row 0 0 0 1, got {numbers[3]}")
+        return pin.SE3(numbers[:3, :3], numbers[:3, 3])
+    raise InputError(f"{wanted}, got an array of shape {numbers.shape}")

@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.state.freedom import TWIST_AXES, FreedomCount, Motions, TwistAxis, counted, split_motions
+from stewart_pin.state.state import as_chain
 from stewart_pin.tolerances import NOTHING
 from stewart_pin.typing import Configuration, FloatArray
 
@@ -86,7 +87,7 @@ def find_generic(chain: ClosedChain) -> Generic:
     """
     samples = _samples(chain)
     states = [chain.at(q) for q in samples]
-    rank = max(_rank_by_gap(_singular_values(state.rows)) for state in states)
+    rank = max(_rank_by_gap(_singular_values(state.rows), state.round_off) for state in states)
     shares = [_shares(state, rank) for state in states]
     count = _count(chain, shares, TWIST_AXES)
     active = [_active(share, count) for share in shares]
@@ -150,6 +151,7 @@ def generic_freedom(chain: ClosedChain, axes: Sequence[TwistAxis] = TWIST_AXES) 
     FreedomCount
         Motions of the loops, and how many of them motors and platform take part in.
     """
+    as_chain(chain)
     usual = chain.generic
     if tuple(axes) == usual.count.axes:
         return usual.count
@@ -215,13 +217,14 @@ def _singular_values(matrix: FloatArray) -> FloatArray:
     return np.linalg.svd(matrix, compute_uv=False) if matrix.size else np.zeros(0)
 
 
-def _rank_by_gap(values: FloatArray) -> int:
-    """Count the singular values above the widest gap; none where all are round-off."""
+def _rank_by_gap(values: FloatArray, round_off: float = 0.0) -> int:
+    """Count the singular values above the widest gap; none where all are round-off, of which there is more far away."""
     values = np.maximum(values, _ROUND_OFF)
-    if not values.size or values[0] <= NOTHING:
+    nothing = max(NOTHING, round_off)
+    if not values.size or values[0] <= nothing:
         return 0
     ratios = values / np.append(values[1:], _ROUND_OFF)
-    return int(np.argmax(np.where(values > NOTHING, ratios, 0.0))) + 1
+    return int(np.argmax(np.where(values > nothing, ratios, 0.0))) + 1
 
 
 def _usual(values: Sequence[FloatArray], rank: int) -> float:

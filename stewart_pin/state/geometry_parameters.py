@@ -13,6 +13,7 @@ from enum import StrEnum
 from stewart_pin.brief import Brief
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import as_chain
 
 _UNATTACHED = (JointKind.FIXED, JointKind.FLOATING)
 """Kinds of joints without geometry of their own: parts of a body, and joints that hold nothing."""
@@ -93,6 +94,7 @@ def geometry_parameters(chain: ClosedChain) -> tuple[GeometryParameter, ...]:
     >>> print(stp.build.geometry_parameters(stp.load("four_bar"))[0])
     joint 'crank_motor': shift x in 'base'
     """
+    as_chain(chain)
     places = [
         (joint.name, Attachment.JOINT, joint.parent)
         for joint in chain.mechanism.joints

@@ -15,16 +15,19 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.brief import Brief
-from stewart_pin.checks import as_positive
-from stewart_pin.errors import ClosureError, InputError
+from stewart_pin.checks import as_count, as_positive
+from stewart_pin.errors import ClosureError
 from stewart_pin.state.chain import ClosedChain, as_configuration
-from stewart_pin.state.state import State
+from stewart_pin.state.state import State, as_chain
 from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 MAX_ITERATIONS = 100
 _LARGEST_STEP = 0.3
 """Largest entry of one step, in robot sizes and radians: well below the distance between assembly modes."""
+_ABOVE_ROUND_OFF = 1e3
+"""Damping in units of round-off where no rank is known: rows that depend on others are round-off themselves, and one
+round-off divided by another would lead far along the motion."""
 _NEARER = 20
 """Rounds in which a closed configuration is moved along its motions towards the guess."""
 _NEAR_ENOUGH = 1e-3
@@ -162,6 +165,7 @@ def close_loops(
     >>> closure.success, closure.gap < 1e-12
     (True, True)
     """
+    as_chain(chain)
     guess = State(chain, as_configuration(chain, "q_guess", q_guess))
     system = loop_system(chain)
     closure = solve(chain, guess.q, system, tolerance=tolerance, max_iterations=max_iterations)
@@ -255,16 +259,16 @@ def solve(
        assumption", Computing 74, 2005, theorem 2.1.
     """
     tolerance = as_positive("tolerance", tolerance)
-    if max_iterations < 0:
-        raise InputError(f"max_iterations must be 0 or more, got {max_iterations}")
+    max_iterations = as_count("max_iterations", max_iterations)
     state = chain.at(pin.normalize(chain.model, np.array(q_guess, dtype=float)))
     residual, jacobian = system.evaluate(state)
     worst = _largest(residual)
     damping, iterations = 0.0, 0
-    while worst > tolerance / 10 and iterations < max_iterations:
+    while worst > max(tolerance, state.round_off) / 10 and iterations < max_iterations:
         iterations += 1
         own = float(np.linalg.norm(residual)) if system.rank is None else 0.0
-        step = _least_norm_step(residual, jacobian, max(damping, own), system.rank)
+        least = _ABOVE_ROUND_OFF * state.round_off if system.rank is None else 0.0
+        step = _least_norm_step(residual, jacobian, max(damping, own), system.rank, least)
         following = displaced(state, step)
         trial = system.evaluate(following)
         if np.linalg.norm(trial[0]) < np.linalg.norm(residual):
@@ -445,13 +449,13 @@ def _nearest(
 
 
 def _least_norm_step(
-    residual: FloatArray, jacobian: FloatArray, damping: float, rank: int | None
+    residual: FloatArray, jacobian: FloatArray, damping: float, rank: int | None, least: float = 0.0
 ) -> FloatArray:
-    """Solve J dq = -r for the shortest dq, damped and clamped."""
+    """Solve J dq = -r for the shortest dq, damped by a share of J's size, and by no less than `least`, and clamped."""
     u, s, vt = np.linalg.svd(jacobian, full_matrices=False)
     u, s, vt = u[:, :rank], s[:rank], vt[:rank]
     largest = s[0] if s.size else 0.0
-    square = s**2 + (damping * largest) ** 2
+    square = s**2 + max(damping * largest, least) ** 2
     gain = np.divide(s, square, out=np.zeros_like(s), where=square > 0)
     step = -vt.T @ (gain * (u.T @ residual))
     longest = np.abs(step).max(initial=0.0)

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar, overload
 
+import numpy as np
+
 T = TypeVar("T")
 
 
 class once(Generic[T]):
     """A property that is computed once: `functools.cached_property` without its lock, which costs as much as the sums.
+
+    Arrays are read-only from then on.
 
     Parameters
     ----------
@@ -30,4 +34,6 @@ class once(Generic[T]):
         if instance is None:
             return self
         value = instance.__dict__[self._name] = self._compute(instance)
+        if isinstance(value, np.ndarray):
+            value.setflags(write=False)  # what is kept is everybody's
         return value

@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import JointKind
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 if TYPE_CHECKING:
@@ -88,6 +89,7 @@ def constraint_models(chain: ClosedChain) -> pin.StdVec_RigidConstraintModel:
     UnsupportedError
         If a loop is of another kind, or joints are coupled.
     """
+    as_chain(chain)
     unknown = unknown_to_pinocchio(chain)
     if unknown is not None:
         raise UnsupportedError(f"{unknown}; use method='projection'")

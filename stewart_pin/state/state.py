@@ -166,9 +166,13 @@ class State:
 
     # -- platform ------------------------------------------------------------------------------------------------
 
-    @once
+    @property
     def pose(self) -> pin.SE3:
-        """Platform frame in the world, oMp."""
+        """Platform frame in the world, oMp: a fresh object each time, for a placement cannot be made read-only."""
+        return pin.SE3(self._pose)
+
+    @once
+    def _pose(self) -> pin.SE3:
         self._joints  # noqa: B018 - places the joints
         joint, placement = self.chain.platform_joint
         data = self._scratch
@@ -177,13 +181,13 @@ class State:
     @once
     def P(self) -> FloatArray:
         """(6, nv) platform Jacobian: twist [v; ω] of its origin, world axes, per tangent rate [m, rad per m or rad]."""
-        return platform_jacobian(self.chain, self._joints, self.pose.translation)
+        return platform_jacobian(self.chain, self._joints, self._pose.translation)
 
     @once
     def P_rate(self) -> FloatArray:
         """(6, nv) its rate along the velocity [per s]."""
         return platform_jacobian_rate(
-            self.chain, self._joints, self._joint_rates, self.pose.translation, self.v
+            self.chain, self._joints, self._joint_rates, self._pose.translation, self.v
         )
 
     @once
@@ -571,7 +575,9 @@ def as_state(
     """
     if isinstance(chain, State):
         if not (q is None and v is None and a is None):
-            raise InputError("a state holds q, v and a already; pass the state alone, or chain, q, v, a")
+            raise InputError(
+                "a state holds q, v and a already; pass the state alone, all else by its name, or chain, q, v, a"
+            )
         return chain
     if not hasattr(chain, "loop_table"):
         raise InputError(
@@ -580,6 +586,33 @@ def as_state(
     if q is None:
         raise InputError("q is missing; pass chain, q, v, a, or a state made by chain.at(q, v, a)")
     return chain.at(q, v, a)
+
+
+def as_chain(chain: ClosedChain) -> ClosedChain:
+    """Check a chain at the door.
+
+    Parameters
+    ----------
+    chain
+        What the caller passed.
+
+    Returns
+    -------
+    ClosedChain
+        The chain.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    if isinstance(chain, State):
+        raise InputError(
+            "the first argument must be a ClosedChain (see load), got State; pass state.chain, and state.q"
+        )
+    if not hasattr(chain, "loop_table"):
+        raise InputError(f"the first argument must be a ClosedChain (see load), got {type(chain).__name__}")
+    return chain
 
 
 def loop_singularity(state: State) -> SingularityError:

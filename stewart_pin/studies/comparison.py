@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from stewart_pin.brief import Brief
 from stewart_pin.building.hexapod_bodies import hexapod_bodies
 from stewart_pin.building.variants import massless_legs, replace_inertias
-from stewart_pin.errors import UnsupportedError
+from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, point_mass_forces
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
 from stewart_pin.kernels.choosing import kernels_for
@@ -20,7 +20,7 @@ from stewart_pin.mechanics.inverse_dynamics import Method, inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.state import State
+from stewart_pin.state.state import State, as_chain
 from stewart_pin.typing import FloatArray
 
 Progress = Callable[[str, int, int], None]
@@ -95,6 +95,11 @@ def compare_methods(
     Comparison
         Forces by method; the closed form and the point-mass formula only for six-legged platforms.
     """
+    as_chain(chain)
+    if not isinstance(samples, PlatformSamples):
+        raise InputError(
+            f"samples must be PlatformSamples, as sinusoidal_motion gives, got {type(samples).__name__}"
+        )
     say = progress or (lambda stage, done, total: None)
     states: list[State] = []
     q = chain.q_home

@@ -55,6 +55,16 @@ def test_overconstrained_loops_keep_their_freedom(name: str, style: str, tmp_pat
     assert_the_same(stp.load(path, gravity=exact.gravity), exact, style)
 
 
+@pytest.mark.parametrize("style", ["4f", "6f", "9f", "4g", "6g"])
+def test_axes_in_line_but_for_digits_are_no_length(style: str, tmp_path: Path) -> None:
+    # No place of the robot is off the line of its hinges: how far they miss it is no size.
+    exact = stp.with_platform(turned_frames(zoo_chain("door_on_two_hinges"), seed=3, slide=0.3), "door")
+    path = tmp_path / "printed.urdf"
+    stp.export(exact, path)
+    round_places(path, style)
+    assert_the_same(stp.load(path, gravity=exact.gravity), exact, style)
+
+
 @pytest.mark.parametrize("style", ["4f", "6f", "9f"])
 @pytest.mark.parametrize("format", ["drake", "isaac", "gepetto", "mjcf"])
 @pytest.mark.parametrize("name", ["crank_rocker", "bennett"])

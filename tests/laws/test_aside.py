@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -21,6 +22,8 @@ from tests.closed_states import (
     robot,
     slow_but_for_few,
 )
+from tests.printed import half_unit, round_places, turned_frames
+from tests.zoo.table import zoo_chain
 
 AWAY = (1.0, 100.0, 1000.0)
 DIRECTION = np.array([2.0, -2.0, 1.0]) / 3.0
@@ -29,8 +32,11 @@ COORDINATES = ("tree", "motor", "platform")
 
 @cache
 def aside(name: str, away: float) -> stp.ClosedChain:
-    """Put a bundled robot on a foundation that is so far from the world's origin."""
-    chain = robot(name)
+    return far(robot(name), away)
+
+
+def far(chain: stp.ClosedChain, away: float) -> stp.ClosedChain:
+    """Put a robot on a foundation that is so far from the world's origin."""
     described = chain.described()
     placement = pin.SE3(np.eye(3), away * DIRECTION)
     foundation = Joint("foundation", JointKind.FIXED, "plant", described.root, placement)
@@ -43,6 +49,35 @@ def aside(name: str, away: float) -> stp.ClosedChain:
 @pytest.fixture(params=stp.robots())
 def name(request: pytest.FixtureRequest) -> str:
     return request.param
+
+
+@pytest.mark.parametrize("away", [1e3, 1e5])
+@pytest.mark.parametrize("name", ["door_on_two_hinges", "sarrus"])
+def test_overconstrained_loops_keep_home_and_freedom(name: str, away: float, tmp_path: Path) -> None:
+    # What is left of their repeated rows is round-off of positions: nothing to follow, no digits, and no rank.
+    chain = turned_frames(zoo_chain(name), seed=3, slide=0.3)
+    stp.export(far(chain, away), tmp_path / "far.urdf")
+    there = stp.load(tmp_path / "far.urdf")
+    near = 1e3 * np.finfo(float).eps * away / chain.length_scale
+    close(there.q_home / there.tangent_scale, chain.q_home / chain.tangent_scale, near)
+    assert stp.mobility(there).dof == stp.mobility(chain).dof
+    rest = np.zeros(chain.nv)
+    for method in ("pinocchio", "constraint_matrix"):
+        tau = [stp.inverse_dynamics(c, c.q_home, rest, rest, method=method).tau_motor for c in (chain, there)]
+        close(tau[1], tau[0], 1e2 * near)
+
+
+@pytest.mark.parametrize("style", ["6f", "9f"])
+def test_few_digits_far_away_keep_the_freedom(style: str, tmp_path: Path) -> None:
+    # What round-off of positions would move is no matter of digits.
+    chain = turned_frames(zoo_chain("spherical_4r"), seed=3, slide=0.3)
+    stp.export(far(chain, 1234.567), tmp_path / "far.urdf")
+    round_places(tmp_path / "far.urdf", style)
+    there = stp.load(tmp_path / "far.urdf")
+    assert stp.mobility(there).dof == stp.mobility(chain).dof
+    rest = np.zeros(chain.nv)
+    tau = [stp.inverse_dynamics(c, c.q_home, rest, rest).tau_motor for c in (chain, there)]
+    close(tau[1], tau[0], 600 * half_unit(style))
 
 
 def state_of(name: str, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

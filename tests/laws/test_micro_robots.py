@@ -1,7 +1,8 @@
-"""Micro-robots: bodies of 1e-18 kg obey as heavy ones do, in every formulation: efforts are in proportion to masses."""
+"""Micro-robots, of 1e-18 kg or of 1e-7 m, obey as others do, in every formulation: efforts are in proportion."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,8 +10,10 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
+from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import UnsupportedError
 from tests.closed_states import close, random_configuration, random_motion, robot, slow_but_for_few
+from tests.zoo.table import zoo_chain
 
 AGREE = {2.0**-60: 1e-15, 1e-18: 1e-10}
 """Powers of two cost no digits at all: every bit is the same; others cost round-off, as law 5."""
@@ -77,3 +80,40 @@ def test_efforts_are_in_proportion_to_masses(name: str, share: float) -> None:
     for way, expected in usual.items():
         assert np.isfinite(micro[way]).all(), way
         close(micro[way], expected, AGREE[share])
+
+
+def small(chain: stp.ClosedChain, share: float) -> stp.ClosedChain:
+    """Scale all lengths of a mechanism whose home is zero, that of gravity's acceleration as well."""
+    old = chain.described()
+
+    def placed(placement: pin.SE3) -> pin.SE3:
+        return pin.SE3(placement.rotation, share * placement.translation)
+
+    def body(inertia: pin.Inertia | None) -> pin.Inertia | None:
+        return inertia and pin.Inertia(inertia.mass, share * inertia.lever, share**2 * inertia.inertia)
+
+    mechanism = replace(
+        old,
+        links=tuple(replace(link, inertia=body(link.inertia)) for link in old.links),
+        joints=tuple(replace(joint, placement=placed(joint.placement)) for joint in old.joints),
+        loops=tuple(
+            replace(loop, placement1=placed(loop.placement1), placement2=placed(loop.placement2))
+            for loop in old.loops
+        ),
+    )
+    gravity = share * chain.gravity
+    return build_chain(mechanism, motors=chain.motors, platform=chain.platform, gravity=gravity)
+
+
+@pytest.mark.parametrize("share", [1e-3, 1e-7])
+@pytest.mark.parametrize("name", ["rccc", "cardan_shaft", "tripod_3prs"])
+def test_efforts_are_in_proportion_to_lengths(name: str, share: float, rng: np.random.Generator) -> None:
+    usual, micro = zoo_chain(name), small(zoo_chain(name), share)
+    close([micro.length_scale], [share * usual.length_scale], 1e-9)
+    assert stp.mobility(micro).dof == stp.mobility(usual).dof
+    lengths = np.where(usual.angle_mask, 1.0, share)
+    v, a = random_motion(usual, rng, usual.q_home)
+    for method in ("pinocchio", "constraint_matrix"):
+        expected = stp.inverse_dynamics(usual, usual.q_home, v, a, method=method).tau_motor
+        tau = stp.inverse_dynamics(micro, micro.q_home, lengths * v, lengths * a, method=method).tau_motor
+        close(tau * lengths[micro.motor_index] / share**2, expected, 1e-9)

@@ -213,10 +213,27 @@ def test_half_a_turn_is_no_special_case(rng: np.random.Generator) -> None:
         assert np.isfinite(closure.q).all() and np.isfinite(closure.gap)
 
 
+def test_a_pose_is_told_in_three_ways() -> None:
+    chain = robot("stewart")
+    pose = pin.SE3(pin.exp3(np.array([0.1, -0.05, 0.2])), np.array([0.03, -0.02, 1.0]))
+    q = stp.inverse_kinematics(chain, pose).q
+    for told in (pin.SE3ToXYZQUAT(pose), list(pin.SE3ToXYZQUAT(pose)), pose.homogeneous):
+        np.testing.assert_allclose(stp.inverse_kinematics(chain, told).q, q, atol=1e-13)
+        np.testing.assert_allclose(
+            stp.platform_motion(chain, told, np.zeros(6), np.zeros(6)).q, q, atol=1e-13
+        )
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda c: stp.inverse_kinematics(c, np.eye(4)), "pose must be a pinocchio.SE3, got ndarray"),
+        (lambda c: stp.inverse_kinematics(c, np.eye(3)), "pose must be .*, or a matrix .*shape .3, 3."),
+        (
+            lambda c: stp.inverse_kinematics(c, "up"),
+            "pose must be a pinocchio.SE3, seven numbers .*, got str",
+        ),
+        (lambda c: stp.inverse_kinematics(c, np.diag([1.0, 1.0, -1.0, 1.0])), "a reflection"),
+        (lambda c: stp.inverse_kinematics(c, [0, 0, 1, 0, 0, 0, 2]), "quaternion that is not of unit length"),
         (
             lambda c: stp.inverse_kinematics(c, pin.SE3(np.eye(3), np.full(3, np.nan))),
             "pose.translation must be finite",

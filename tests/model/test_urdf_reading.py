@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
@@ -315,3 +316,31 @@ def test_an_inertia_of_no_real_body_is_refused_or_kept_aloud(tmp_path: Path) -> 
         max(np.linalg.eigvalsh(link.inertia.inertia)[-1] for link in chain.mechanism.links if link.inertia)
         == 3
     )
+
+
+@pytest.mark.parametrize("style", ["5f", "6f", "9f", "4g", "6g"])
+@pytest.mark.parametrize("moments", [(0.2, 0.3, 0.5), (0.4, 0.4, 0.0)])
+def test_plates_and_rods_of_few_digits_are_bodies(
+    moments: tuple[float, ...], style: str, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    # One moment is the sum of the others: rounding makes it more as often as less.
+    for _ in range(3):
+        turn = pin.exp3(rng.normal(size=3))
+        exact = turn @ np.diag(moments) @ turn.T
+        names = {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1), "ixz": (0, 2), "iyz": (1, 2)}
+        entries = " ".join(f'{name}="{exact[at]:.{style}}"' for name, at in names.items())
+        inertial = f'<inertial><mass value="1"/><inertia {entries}/></inertial>'
+        chain = stp.load(write(tmp_path, robot(*[part.replace(INERTIAL, inertial) for part in ARM])))
+        read = next(link.inertia.inertia for link in chain.mechanism.links if link.inertia)
+        off = 0.5 * 10.0 ** -int(style[0])
+        np.testing.assert_allclose(read, exact, atol=6 * off)
+        # What digits do not explain is still refused.
+        wrong = inertial.replace('ixx="', 'ixx="9')
+        with pytest.raises(MechanismError, match="triangle inequality"):
+            stp.load(write(tmp_path, robot(*[part.replace(INERTIAL, wrong) for part in ARM])))
+
+
+def test_the_report_tells_which_inertia_was_moved(tmp_path: Path) -> None:
+    plate = '<inertia ixx="0.2001" iyy="0.3001" izz="0.5003" ixy="0" ixz="0" iyz="0"/>'
+    parts = [part.replace(INERTIAL, f'<inertial><mass value="1"/>{plate}</inertial>') for part in ARM]
+    assert "moments were moved by 3.3e-05" in str(stp.load(write(tmp_path, robot(*parts))).report)

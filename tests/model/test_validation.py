@@ -91,6 +91,7 @@ BROKEN = {
     "loop axis2": (with_loop(axis2=np.ones(3)), "la", "unit vector"),
     "loop placement": (with_loop(placement2=SHEARED), "la", "whose rotation is none"),
     "rod": (with_loop(kind=JointKind.DISTANCE), "la", "keeps the distance 0 m"),
+    "rod of round-off": (with_loop(kind=JointKind.DISTANCE, length=5e-17), "la", "a ball where the two points"),
     "platform": (replace(GOOD, platform="c"), "c", "missing link 'c'"),
     "home": (replace(GOOD, home={"jc": np.zeros(1)}), "jc", "missing joint 'jc'"),
 }  # fmt: skip

@@ -5,6 +5,9 @@ from __future__ import annotations
 import copy
 import pickle
 import threading
+from collections.abc import Callable
+from inspect import signature
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -102,6 +105,22 @@ def test_a_state_does_not_change(rng: np.random.Generator) -> None:
     again = pickle.loads(pickle.dumps(state))
     assert np.array_equal(again.q, state.q) and again.chain.name == chain.name
     assert repr(state).startswith("State of 'four_bar': at rest, largest loop gap ")
+
+
+def test_what_a_state_has_computed_does_not_change(rng: np.random.Generator) -> None:
+    # What it keeps is asked again by every verb: a caller that scales it in place would spoil their answers.
+    state = moving("stewart", rng)
+    right = stp.motor_jacobian(state)
+    for name in ("gap", "J_c", "loop_bias", "M", "nle", "P", "twist", "platform_bias"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(state, name)[:] = 0.0
+    state.pose.translation[:] = 7.0
+    assert state.pose == stp.platform_pose(state.chain, state.q)
+    # What verbs hand out is the caller's own.
+    for mine in (stp.loop_jacobian(state), stp.motor_jacobian(state), stp.loop_bias(state)):
+        mine[:] = 0.0
+    assert np.array_equal(stp.motor_jacobian(state), right)
+    assert np.abs(stp.loop_jacobian(state)).max() > 0
 
 
 def test_verbs_say_what_they_take(rng: np.random.Generator) -> None:
@@ -207,3 +226,46 @@ def test_chains_and_states_travel_without_their_scratch(rng: np.random.Generator
     assert np.array_equal(ours, theirs)
     with pytest.raises(TypeError, match="one process"):
         pickle.dumps(Scratch(chain.model))
+
+
+VERBS_OF_CHAINS = (
+    stp.close_loops,
+    stp.mobility,
+    stp.forward_kinematics,
+    stp.inverse_kinematics,
+    stp.platform_motion,
+    stp.articulated_body_acceleration,
+    stp.singularities.find_singularity,
+    stp.loops.closed_path,
+    stp.singularities.singularity_map,
+    stp.motor_demand,
+    stp.fit_to_limits,
+    stp.compare_methods,
+    stp.simulate,
+    stp.compile_kernels,
+    stp.with_limits,
+    stp.with_motors,
+    stp.with_platform,
+    stp.lock_joints,
+    stp.attach_payload,
+    stp.build.replace_inertias,
+    stp.massless_legs,
+    stp.on_floating_base,
+    stp.build.loops_by_balls,
+    stp.build.displace_geometry,
+    stp.build.geometry_parameters,
+    stp.loops.generic_freedom,
+    stp.export,
+    stp.write_urdf,
+    stp.loops.constraint_models,
+)
+
+
+@pytest.mark.parametrize("verb", VERBS_OF_CHAINS, ids=lambda verb: verb.__name__)
+def test_verbs_of_chains_say_so(verb: Callable[..., Any]) -> None:
+    parameters = list(signature(verb).parameters.values())[1:]
+    told = {p.name: None for p in parameters if p.default is p.empty and p.kind is not p.VAR_KEYWORD}
+    state = robot("four_bar").at(robot("four_bar").q_home)
+    for wrong, name in (("stewart", "str"), (state, "State"), (None, "NoneType"), (object(), "object")):
+        with pytest.raises(InputError, match=rf"must be a ClosedChain \(see load\), got {name}"):
+            verb(wrong, **told)

@@ -156,7 +156,10 @@ def as_rows(name: str, value: ArrayLike, size: int) -> tuple[FloatArray, bool]:
     InputError
         If the shape is wrong.
     """
-    array = np.asarray(value, dtype=float)
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} must be an array of numbers, got {type(value).__name__}") from None
     if array.ndim not in (1, 2) or array.shape[-1] != size:
         raise InputError(f"{name} must have shape (N, {size}) or ({size},), got {array.shape}")
     return np.atleast_2d(array), array.ndim == 1

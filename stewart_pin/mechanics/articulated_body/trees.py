@@ -9,6 +9,7 @@ from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion
 from stewart_pin.mechanics.articulated_body.bodies import tree_bodies
 from stewart_pin.mechanics.articulated_body.passes import first_pass, respond
 from stewart_pin.state.chain import ClosedChain, as_configuration
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import ArrayLike, Tangent
 
 
@@ -61,6 +62,7 @@ def articulated_body_acceleration(
     >>> stp.articulated_body_acceleration(arm, rest, rest, rest).round(3)
     array([-25.628,  35.802, -18.032])
     """
+    as_chain(chain)
     q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
     tau = as_array("tau", tau, (chain.nv,))
     base_velocity, base_acceleration = (base_motion or BaseMotion()).spatial(chain.gravity)

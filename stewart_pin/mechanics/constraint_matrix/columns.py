@@ -91,33 +91,37 @@ def compound_freedoms(compound: CompoundJoint, joints: dict[str, JointMotion]) -
     )
 
 
-def passive_columns(freedoms: Freedoms) -> Columns:
+def passive_columns(freedoms: Freedoms, size: float) -> Columns:
     """Find the wrenches that do no work on the freedoms.
 
     Parameters
     ----------
     freedoms
         Motion axes of the joint.
+    size
+        Length that counts as one [m].
 
     Returns
     -------
     Columns
         6 - n of them: forces and moments in separate columns where the axes are pure rotations about one point or
-        pure translations, otherwise an orthonormal basis.
+        pure translations, otherwise a basis that is orthonormal where forces and moments per `size` count alike.
     """
     at_point = motion_about(freedoms.origin, freedoms.axes)
     slides, turns = at_point[:3], at_point[3:]
-    size = _PURE * max(1.0, float(np.linalg.norm(freedoms.origin)))
+    round_off = _PURE * max(size, float(np.linalg.norm(freedoms.origin)))
     zero = np.zeros((3, 3))
-    if np.abs(slides).max(initial=0.0) < size:
+    if np.abs(slides).max(initial=0.0) < round_off:
         moments = _complement(turns)
         force, moment = np.hstack([np.eye(3), 0 * moments]), np.hstack([zero, moments])
-    elif np.abs(turns).max() < size:
+    elif np.abs(turns).max() < _PURE:
         forces = _complement(slides)
         force, moment = np.hstack([forces, zero]), np.hstack([0 * forces, np.eye(3)])
     else:
-        both = _complement(at_point)
-        force, moment = both[:3], both[3:]
+        # In one unit: columns that mix newtons and newton metres would depend on each other in a robot of micrometres.
+        axes = np.vstack([slides / size, turns])
+        both = _complement(axes / np.linalg.norm(axes, axis=0))
+        force, moment = both[:3], both[3:] * size
     wrenches = force_at(freedoms.origin, force, moment)
     return Columns(wrenches, wrenches.T @ freedoms.bias)
 

@@ -173,7 +173,7 @@ def assemble(
     blocks.add("ground", "ground", None, 0, Columns(np.eye(6), np.zeros(6)))
     freedoms = tuple(compound_freedoms(compound, joints) for compound in layout.tree)
     for compound, freedom in zip(layout.tree, freedoms, strict=True):
-        columns = passive_columns(freedom)
+        columns = passive_columns(freedom, chain.length_scale)
         if columns.acceleration.size:
             blocks.add(
                 compound.name,

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.linalg
 
 from stewart_pin.brief import Brief
-from stewart_pin.checks import as_array
+from stewart_pin.checks import as_array, as_spread
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.linearisation.derivatives import force_derivatives
@@ -191,9 +191,9 @@ def _matrices(
 ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[str, ...]]:
     """Stiffness, mass, motions and names along the coordinates."""
     chain = state.chain
-    springs = as_array("motor_stiffness", np.broadcast_to(motor_stiffness, (chain.nu,)), (chain.nu,))
-    if (springs < 0).any():
-        raise InputError(f"motor_stiffness must be 0 or more, got {springs.min():g}")
+    springs = as_array(
+        "motor_stiffness", as_spread("motor_stiffness", motor_stiffness, chain.nu), (chain.nu,)
+    )
     effort = inverse_dynamics(state)
     motions, names = coordinate_motions(state)
     force_q, _, inertia = force_derivatives(state, chain.rest, effort.lambda_c)

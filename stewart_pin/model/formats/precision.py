@@ -113,3 +113,20 @@ def _half_unit(number: re.Match[str]) -> float:
     if zero or not rounded or decimals >= _EXACT:
         return 0.0
     return 0.5 * 10.0**-decimals
+
+
+def half_unit(text: str) -> float:
+    """Find what the last digit of a number leaves open.
+
+    Parameters
+    ----------
+    text
+        One printed number.
+
+    Returns
+    -------
+    float
+        Half a unit of its last digit if it counts as rounded, else 0.
+    """
+    number = _NUMBER.fullmatch(text.strip())
+    return 0.0 if number is None else _half_unit(number)

@@ -19,6 +19,7 @@ from lxml import etree
 
 from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Outcome, loop_coordinates
 from stewart_pin.model.formats.dialect import Parts
+from stewart_pin.model.formats.inertia_digits import moved_by_digits, within_digits
 from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES, UrdfElements
 from stewart_pin.model.formats.urdf_shapes import SHAPE_TAGS, read_shapes
 from stewart_pin.model.formats.xml import UNLIMITED
@@ -85,6 +86,9 @@ def _inertia(reader: UrdfElements, inertial: etree._Element, owner: str) -> pin.
                 f"an inertia is symmetric, remove {mirrored}",
                 owner,
             )
+    matrix, moved = within_digits(matrix, (entries.get(key, "") for key in INERTIA_ENTRIES))
+    if moved:
+        reader.note(owner, moved_by_digits(moved), Outcome.CHANGED)
     placement = reader.origin(inertial, owner)
     turned = placement.rotation @ matrix @ placement.rotation.T
     if mass == 0 and not turned.any():

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from stewart_pin.brief import Brief
+from stewart_pin.checks import as_spread
 from stewart_pin.errors import InputError
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -66,7 +67,7 @@ class MotorBank:
         values = {field.name: getattr(motors, field.name) for field in fields(motors)}
         stated = {name: values[name] is not None for name in ("effort_limit", "rate_limit")}
         values |= {name: np.inf for name, given in stated.items() if not given}
-        self._spread = {name: _per_motor(name, value, chain.nu) for name, value in values.items()}
+        self._spread = {name: as_spread(name, value, chain.nu) for name, value in values.items()}
         if not (self._spread["coulomb_rate"] > 0).all():
             raise InputError("coulomb_rate must be above zero: dry friction is regularised")
         self.inertia = self._spread["inertia"]
@@ -159,13 +160,3 @@ class MotorBank:
         push = np.where(beyond != 0, spring - self._spread["stop_damping"] * rate, 0.0)
         # A stop pushes back or lets go; it never pulls.
         return np.where(push * beyond < 0, push, 0.0), spring
-
-
-def _per_motor(name: str, value: ArrayLike, count: int) -> FloatArray:
-    try:
-        spread = np.array(np.broadcast_to(np.asarray(value, dtype=float), (count,)))
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be a number or have shape ({count},), got {value!r}") from None
-    if not (spread >= 0).all():
-        raise InputError(f"{name} must be 0 or more, got {value!r}")
-    return spread

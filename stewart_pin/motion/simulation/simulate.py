@@ -35,7 +35,7 @@ from stewart_pin.motion.simulation.record import (
 )
 from stewart_pin.motion.simulation.steppers import Phase, RungeKuttaStepper
 from stewart_pin.state.chain import ClosedChain, as_configuration
-from stewart_pin.state.state import State
+from stewart_pin.state.state import State, as_chain
 from stewart_pin.tolerances import EPS
 from stewart_pin.typing import ArrayLike, Configuration, Tangent
 
@@ -153,13 +153,20 @@ def simulate(
     >>> fall.success, fall.largest_gap < 1e-10, bool(abs(fall.energy[-1] - fall.energy[0]) < 1e-9)
     (True, True, True)
     """
+    as_chain(chain)
     q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
     dt = as_positive("dt", _number("dt", dt))
     drive = Drive(chain, controller, dt)
     start_time = _number("start_time", start_time)
     state = SimulationState(start_time, 0, dt, q, v, np.zeros(drive.state_size), np.zeros(chain.nu))
     options = _options(duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress)
-    return _run(chain, state, drive, motors or Motors(), options)
+    return _run(chain, state, drive, _motors(motors), options)
+
+
+def _motors(motors: Motors | None) -> Motors:
+    if motors is not None and not isinstance(motors, Motors):
+        raise InputError(f"motors must be Motors, got {type(motors).__name__}")
+    return motors or Motors()
 
 
 def resume(
@@ -227,7 +234,7 @@ def resume(
     if kernels is None and state.memory is not None:
         kernels = state.memory.plant.kernel or state.memory.plant.projector
     options = _options(duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress)
-    return _run(chain, state, drive, motors or Motors(), options)
+    return _run(chain, state, drive, _motors(motors), options)
 
 
 def _run(

@@ -19,6 +19,7 @@ from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Outcome
+from stewart_pin.model.formats.inertia_digits import moved_by_digits, within_digits
 from stewart_pin.model.formats.sdf.axes import Axis
 from stewart_pin.model.formats.sdf.couplings import is_gearbox, read_gearbox, read_mimics
 from stewart_pin.model.formats.sdf.elements import SdfReader
@@ -174,6 +175,10 @@ def _inertia(reader: SdfReader, element: etree._Element, owner: str) -> pin.Iner
         reader.note_strangers(entries, owner, set(_ENTRIES))
         for key, (i, j) in _ENTRIES.items():
             matrix[i, j] = matrix[j, i] = reader.number(entries, key, owner, "1" if i == j else "0")
+        texts = (child.text or "" for child in entries if isinstance(child.tag, str))
+        matrix, moved = within_digits(matrix, texts)
+        if moved:
+            reader.note(owner, moved_by_digits(moved), Outcome.CHANGED)
     placement, relative_to = reader.pose(inertial, owner)
     if relative_to:
         raise reader.error(
