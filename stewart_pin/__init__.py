@@ -112,6 +112,8 @@ from stewart_pin.mechanics.capability.polytope import polytope_section as polyto
 from stewart_pin.mechanics.capability.polytope import polytope_support as polytope_support
 from stewart_pin.mechanics.capability.velocity import velocity_polytope as velocity_polytope
 from stewart_pin.mechanics.capability.wrench import wrench_polytope as wrench_polytope
+from stewart_pin.mechanics.closed_forms import Admission as Admission
+from stewart_pin.mechanics.closed_forms import closed_forms as closed_forms
 from stewart_pin.mechanics.constraint_matrix.system import ConstraintMatrixSystem as ConstraintMatrixSystem
 from stewart_pin.mechanics.constraint_matrix.system import (
     constraint_matrix_system as constraint_matrix_system,

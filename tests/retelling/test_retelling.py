@@ -15,33 +15,7 @@ from tests.retelling.telling import Telling
 from tests.retelling.tellings import TELLINGS, tell
 from tests.retelling.verbs.everything import KINDS, QUESTIONS, Answers, Sized, Verb
 
-_FEW = "all at once with six digits"
-_POINTS = "the closed form needs axes that meet to nine digits"
-
-
-def _few_digits(t: Telling) -> bool:
-    """Tell whether the axes of legs miss their points by more than the closed forms take."""
-    return t.name == _FEW or (t.plain.name == "stewart_cad" and t.name == "all at once with nine digits")
-
-
 REFUSED: dict[str, tuple[Callable[[Telling], bool], str]] = {
-    "hexapod": (_few_digits, _POINTS),
-    "control_by_a_point": (_few_digits, _POINTS),
-    "assembly_modes": (_few_digits, _POINTS),
-    "rotary_legs": (
-        lambda t: t.name == _FEW or (t.plain.name == "delta" and t.name == "six digits"),
-        _POINTS,
-    ),
-    "hexapod_bodies": (lambda t: t.turned_base, "the closed form of legs turns them about base x"),
-    "planar_rpr": (
-        lambda t: (
-            t.turned_base
-            or bool((t.signs < 0).any() or t.zeros.any())
-            or (t.joint_by_joint and not t.same_rows)
-        ),
-        "the closed form takes leg lengths in the plane xy of the world, and hinges; it says so where motors read "
-        "another number, or two balls stand for a hinge",
-    ),
     "articulated_bodies": (
         lambda t: t.plain.name in ("delta", "hexapod_rss") and t.name == "cut elsewhere",
         "the method needs inertia beyond every joint of the tree; here a cross without mass is the last body",

@@ -289,7 +289,7 @@ def test_a_design_is_built_once_and_compiled_where_it_is_worth_it(monkeypatch: p
     def counted(radius: float) -> stp.ClosedChain:
         built.append(radius)
         # Without a closed form, so that a handful of states is worth it.
-        monkeypatch.setattr(motor_demand_module, "leg_formula", lambda chain: None)
+        monkeypatch.setattr(motor_demand_module, "leg_form", lambda chain, form: None)
         return design(radius)
 
     plain = demand_study.demands_by_kernels
