@@ -12,12 +12,11 @@ from stewart_pin.geometry.hexapod import Hexapod
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies, LowerJoint, RigidBody
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.tolerances import PRINTED
 from stewart_pin.typing import FloatArray
 
 _SAME = 1e-9
 """Deviation of a link from where the closed form has it that is round-off, in leg lengths and radians."""
-_PRINTED = 1e-5
-"""The same of axes, as six printed digits leave them; what it costs is judged where the closed form is admitted."""
 
 
 def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
@@ -95,7 +94,7 @@ def _lower_joint(motor: str, hinges: list[Edge], leg: FloatArray) -> tuple[Lower
     match [edge.kind for edge in hinges]:
         case [JointKind.REVOLUTE, JointKind.REVOLUTE]:
             lean = max(abs(hinges[1].axis @ leg) / np.linalg.norm(leg), abs(hinges[1].axis @ hinges[0].axis))
-            if lean > _PRINTED:
+            if lean > PRINTED:
                 raise UnsupportedError(
                     f"the closed form needs lower joints whose second axis is square to leg and first axis; that of "
                     f"'{motor}' leans by {lean:.3g} rad"
@@ -112,7 +111,7 @@ def _lower_joint(motor: str, hinges: list[Edge], leg: FloatArray) -> tuple[Lower
                 f"{', '.join(others) or 'none'}"
             )
     axis = hinges[0].axis
-    return kind, axis * np.sign(axis[np.abs(axis) > _PRINTED][0])
+    return kind, axis * np.sign(axis[np.abs(axis) > PRINTED][0])
 
 
 def _rigid_body(chain: ClosedChain, graph: BodyGraph, body: str, at: pin.SE3) -> RigidBody:

@@ -9,11 +9,8 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.planar import PlanarRPR
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.tolerances import PRINTED
 from stewart_pin.typing import FloatArray
-
-_PRINTED = 1e-5
-"""How far points and axes may be from the plane or the leg, in robot sizes and radians, as six printed digits leave
-them; what it costs is judged where the closed form is admitted."""
 
 
 def planar_rpr(chain: ClosedChain) -> PlanarRPR:
@@ -55,7 +52,7 @@ def planar_rpr(chain: ClosedChain) -> PlanarRPR:
     hinges = [_leg(graph, motor) for motor in chain.motors]
     z = _across(hinges[0][0].axis, platform.rotation[:, 2])
     axes = _square(z)
-    slack = _PRINTED * chain.length_scale
+    slack = PRINTED * chain.length_scale
     plane = np.eye(4)
     # The plane goes through the platform's origin, and its frame stands under that of the world.
     plane[:3, :3], plane[:3, 3] = axes, z * (z @ platform.translation)
@@ -63,14 +60,14 @@ def planar_rpr(chain: ClosedChain) -> PlanarRPR:
     turned = platform.rotation.T @ axes @ _about_z(axes.T @ platform.rotation)
     for motor, (foot, head) in zip(chain.motors, hinges, strict=True):
         for hinge in (foot, head):
-            if np.linalg.norm(np.cross(hinge.axis, z)) > _PRINTED:
+            if np.linalg.norm(np.cross(hinge.axis, z)) > PRINTED:
                 raise _no_leg(
                     motor, f"joint '{hinge.name}' does not turn about the axis that the others turn about"
                 )
         edge = graph.edge(motor)
         assert edge is not None
         across = np.cross(edge.axis, head.point - foot.point)
-        if abs(edge.axis @ z) > _PRINTED or abs(across @ z) > slack:
+        if abs(edge.axis @ z) > PRINTED or abs(across @ z) > slack:
             raise _no_leg(motor, "it does not slide along the line between its hinges")
         anchors.append(axes[:, :2].T @ foot.point)
         corners.append(turned[:, :2].T @ platform.actInv(head.point))
@@ -79,14 +76,14 @@ def planar_rpr(chain: ClosedChain) -> PlanarRPR:
 
 def _across(axis: FloatArray, platform_z: FloatArray) -> FloatArray:
     """Direct an axis along the platform's z, or, where that stands otherwise, its first component up."""
-    first = axis[np.abs(axis) > _PRINTED][0]
+    first = axis[np.abs(axis) > PRINTED][0]
     along = axis @ platform_z
-    return axis * np.sign(along if abs(along) > 1 - _PRINTED else first)
+    return axis * np.sign(along if abs(along) > 1 - PRINTED else first)
 
 
 def _square(z: FloatArray) -> FloatArray:
     """Axes with a given z, and x as near to the world's as can be; to its y where that stands across."""
-    near = np.eye(3)[0 if abs(z[0]) < 1 - _PRINTED else 1]
+    near = np.eye(3)[0 if abs(z[0]) < 1 - PRINTED else 1]
     x = near - (near @ z) * z
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(z, x), z])
@@ -94,7 +91,7 @@ def _square(z: FloatArray) -> FloatArray:
 
 def _about_z(rotation: FloatArray) -> FloatArray:
     """Turn about z that takes x as near as can be to a rotation's x, or to its y where that stands across."""
-    flat = rotation[:2, 0] if np.linalg.norm(rotation[:2, 0]) > _PRINTED else rotation[:2, 1]
+    flat = rotation[:2, 0] if np.linalg.norm(rotation[:2, 0]) > PRINTED else rotation[:2, 1]
     c, s = flat / np.linalg.norm(flat)
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 

@@ -11,11 +11,9 @@ import pinocchio as pin
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Mechanism
 from stewart_pin.model.fixed_links import fixed_to
+from stewart_pin.tolerances import PRINTED
 from stewart_pin.typing import FloatArray
 
-_MEET = 1e-5
-"""Axes and points that pass each other this close meet, relative to the mechanism's size: files print six digits, and
-angles of π have their error in the fifth place. What the miss costs is judged where a closed form is admitted."""
 _PARALLEL = 1e-4
 """Sine of the angle between two axes below which printed digits leave open where they meet."""
 
@@ -131,7 +129,7 @@ class _Walker:
         self._absorb_fixed_links()
         self.edges = {link: _joined(edges) for link, edges in self.edges.items()}
         reach = [np.linalg.norm(edge.here.translation) for edges in self.edges.values() for edge in edges]
-        self.tolerance = _MEET * max(reach, default=1.0)
+        self.tolerance = PRINTED * max(reach, default=1.0)
         self._drop_dead_ends()
 
     def leg(self, motor: Joint) -> dict[str, FloatArray]:

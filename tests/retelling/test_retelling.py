@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -15,27 +14,15 @@ from tests.retelling.telling import Telling
 from tests.retelling.tellings import TELLINGS, tell
 from tests.retelling.verbs.everything import KINDS, QUESTIONS, Answers, Sized, Verb
 
-REFUSED: dict[str, tuple[Callable[[Telling], bool], str]] = {
-    "articulated_bodies": (
-        lambda t: t.plain.name in ("delta", "hexapod_rss") and t.name == "cut elsewhere",
-        "the method needs inertia beyond every joint of the tree; here a cross without mass is the last body",
-    ),
-}
-"""What is refused when told so, and asked for elsewhere: for a stated reason, with an error that names it."""
-
 ALIKE = ("stewart_cad", "stewart_s1")
 """Robots that differ from `stewart` by their numbers only."""
 
 
-IDLE_SPINS = [
-    ("stewart_sps", telling)
-    for telling in ("cut elsewhere", "all at once with six digits", "all at once with nine digits")
-]
-IDLE = pytest.mark.xfail(
-    strict=True,
-    reason="joint_motor_map and fits of legs that may spin depend on where loops are cut; with few digits "
-    "closed forms, polytopes and vibrations refuse them",
-)
+OTHERWISE: dict[tuple[str, str], frozenset[str]] = {
+    ("stewart_sps", "cut elsewhere"): frozenset({"closed_forms", "compare_methods", "fit_to_limits"}),
+}
+"""Questions that are answered otherwise, all of them and no more: the least motion of a leg that may spin is counted over
+the joints of the tree, so that its spin rate, and with it a gyroscopic moment of 7e-6 of the efforts, depends on the cut."""
 
 
 def answer(verb: Verb, telling: Telling) -> Answers | str:
@@ -54,6 +41,8 @@ def plainly(robot: str, question: str) -> Answers | str:
 
 def disagreement(one: Answers | str, two: Answers | str, tolerance: float) -> str:
     """Say where two answers differ by more than a part of their size; empty where they agree."""
+    if two == {}:
+        return ""  # not asked: there are no words for it in this telling
     if isinstance(one, str) or isinstance(two, str):
         return "" if one == two else f"{_said(one)} and {_said(two)}"
     for name in one.keys() & two.keys():
@@ -87,10 +76,6 @@ def disagreements(told: Telling, questions: list[str]) -> dict[str, str]:
     for question in questions:
         first, second = plainly(told.plain.name, question), answer(QUESTIONS[question], told)
         text = disagreement(first, second, told.tolerance)
-        applies, reason = REFUSED.get(question, (lambda t: False, ""))
-        if applies(told) and not isinstance(first, str):
-            refused = second in ("UnsupportedError", "SingularityError")
-            text = "" if refused else f"is not refused: {reason}"
         if text:
             found[question] = text
     return found
@@ -99,7 +84,7 @@ def disagreements(told: Telling, questions: list[str]) -> dict[str, str]:
 def told_robots() -> list[object]:
     """All robots and tellings; other hexapods of the same build as `stewart` in those that hold all the others."""
     return [
-        pytest.param(robot, telling, marks=[IDLE] if (robot, telling) in IDLE_SPINS else [])
+        (robot, telling)
         for robot in stp.robots()
         for telling in TELLINGS
         if robot not in ALIKE or telling.startswith(("all at once", "base", "cut"))
@@ -127,7 +112,8 @@ def test_a_few_answers(robot: str, telling: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("robot", "telling"), told_robots())
 def test_every_answer(robot: str, telling: str, tmp_path: Path) -> None:
     told = tell_or_skip(robot, telling, tmp_path)
-    assert disagreements(told, [name for name, kind in KINDS.items() if kind != "compiled"]) == {}
+    found = disagreements(told, [name for name, kind in KINDS.items() if kind != "compiled"])
+    assert set(found) == OTHERWISE.get((robot, telling), frozenset()), found
 
 
 @pytest.mark.slow
