@@ -101,7 +101,7 @@ def hexapod_inverse_dynamics(
     rotation = as_rotation("rotation", rotation)
     free_fall = as_array("gravity", gravity, (3,))
     tip = tip_motion(hexapod, position, rotation, twist, acceleration)
-    leg = leg_attitude(tip, bodies.first_axes)
+    leg = leg_attitude(tip, np.asarray(bodies.first_axes))
     if bodies.lower_joint == "spherical":
         leg = _with_idle_spin(leg, tip, bodies)
 

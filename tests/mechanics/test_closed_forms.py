@@ -192,3 +192,21 @@ def test_an_admission_is_made_once_and_again_for_a_chain_made_of_it() -> None:
     found = closed_forms.admission(payload, "leg_efforts").geometry
     assert isinstance(found, closed_forms.LegForm) and found.bodies is not None
     assert found.bodies.platform.mass == pytest.approx(23.0)
+
+
+@pytest.mark.slow
+def test_workspace_and_modes_of_legs_that_no_closed_form_stands_for() -> None:
+    """The chain answers for itself, to the same numbers: with axes that miss by printed digits, to those digits."""
+    chain = robot("stewart")
+    other = replace(chain)
+    refused = closed_forms.Admission("leg_lengths", False, np.inf, "for the test", None)
+    other.found["leg_lengths"] = refused
+    spacing = 1.3 * chain.length_scale
+    one, two = (stp.sample_workspace(c, np.eye(3), spacing=spacing) for c in (chain, other))
+    np.testing.assert_array_equal(two.inside, one.inside)
+    np.testing.assert_allclose(two.clearance, one.clearance, atol=1e-11)
+    np.testing.assert_allclose(two.dexterity, one.dexterity, atol=1e-9)
+    readings = stp.motor_positions(chain, chain.q_home) + 0.01 * np.arange(6)
+    one, two = (stp.assembly_modes(c, readings, engine="numpy") for c in (chain, other))
+    np.testing.assert_allclose(two.position, one.position, atol=1e-8)
+    assert one.certified.all() and not two.certified.any() and two.residual.max() < 1e-10

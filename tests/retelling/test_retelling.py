@@ -21,8 +21,9 @@ ALIKE = ("stewart_cad", "stewart_s1")
 OTHERWISE: dict[tuple[str, str], frozenset[str]] = {
     ("stewart_sps", "cut elsewhere"): frozenset({"closed_forms", "compare_methods", "fit_to_limits"}),
 }
-"""Questions that are answered otherwise, all of them and no more: the least motion of a leg that may spin is counted over
-the joints of the tree, so that its spin rate, and with it a gyroscopic moment of 7e-6 of the efforts, depends on the cut."""
+"""Questions that are answered otherwise, all of them and no more: the least motion of a leg that may spin is counted
+over the joints of the tree, so that its spin rate, and with it a gyroscopic moment of 7e-6 of the efforts, depends on
+the cut."""
 
 
 def answer(verb: Verb, telling: Telling) -> Answers | str:

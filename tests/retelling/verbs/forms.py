@@ -41,6 +41,19 @@ def assembly_modes(t: Telling, c: Case) -> Answers:
     return answers | ({"complex": found.n_complex} if t.exact else {})
 
 
+@asks("sample_workspace", kind="slow")
+def sample_workspace(t: Telling, c: Case) -> Answers:
+    """Ask it in a world that stands as before: the grid goes along its axes."""
+    if (t.world.rotation != np.eye(3)).any():
+        return {}
+    rotation = stp.platform_pose(c.chain, c.chain.q_home).rotation
+    found = stp.sample_workspace(t.chain, rotation, spacing=c.chain.length_scale)
+    answers: Answers = {"length": found.length, "clearance": found.clearance.max(initial=0.0)}
+    if t.exact:  # few digits put points on either side of a boundary
+        answers |= {"volume": found.volume, "pieces": found.pieces, "points": len(found.position)}
+    return answers | {"best": found.dexterity.max(initial=0.0)}
+
+
 @asks("hexapod_bodies")
 def hexapod_bodies(t: Telling, c: Case) -> Answers:
     found = stp.hexapod_bodies(t.chain)
