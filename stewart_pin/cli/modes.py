@@ -50,8 +50,8 @@ def modes(
         platform, legs = PlanarRPR.from_sides(*sides), parse_numbers("--lengths", lengths, 3)
         figures, picture = _planar({"planar": list(sides)}, platform, legs)
     elif (chain := load(robot)).nu == 3:
-        sign, offset = chain.leg_readings
-        platform, home = planar_rpr(chain), (offset + sign * motor_positions(chain, chain.q_home)).tolist()
+        platform, (sign, offset) = planar_rpr(chain), chain.leg_readings
+        home = (offset + sign * motor_positions(chain, chain.q_home)).tolist()
         legs = tuple(home) if lengths is None else parse_numbers("--lengths", lengths, 3)
         figures, picture = _planar({"robot": chain.name}, platform, legs)
     else:

@@ -26,6 +26,12 @@ over the joints of the tree, so that its spin rate, and with it a gyroscopic mom
 the cut."""
 
 
+_SPREAD = 10.0
+"""Times that few digits may move an answer of what they moved it at most in three tellings with the last digit rounded
+up or down. Those errors are twice the ones of the nearest digit; of normal variables one in ten thousand goes beyond.
+"""
+
+
 def answer(verb: Verb, telling: Telling) -> Answers | str:
     """Ask, and take a refusal for an answer."""
     try:
@@ -40,31 +46,49 @@ def plainly(robot: str, question: str) -> Answers | str:
     return answer(QUESTIONS[question], Telling("plain", chain, chain))
 
 
-def disagreement(one: Answers | str, two: Answers | str, tolerance: float) -> str:
-    """Say where two answers differ by more than a part of their size; empty where they agree."""
+def disagreement(
+    one: Answers | str, two: Answers | str, tolerance: float, printed: tuple[Answers | str, ...] = ()
+) -> str:
+    """Say where two answers differ by more than a part of their size; empty where they agree.
+
+    With few digits by more than answers move that are asked of the same digits rounded up or down as it happens.
+    """
     if two == {}:
         return ""  # not asked: there are no words for it in this telling
     if isinstance(one, str) or isinstance(two, str):
         return "" if one == two else f"{_said(one)} and {_said(two)}"
     for name in one.keys() & two.keys():
-        first, second = one[name], two[name]
-        size = 0.0
-        if isinstance(first, Sized):
-            first, second, size = first.value, second.value, first.size
-        first, second = np.asarray(first), np.asarray(second)
-        if first.shape != second.shape:
-            return f"{name}: shapes {first.shape} and {second.shape}"
-        if first.dtype.kind in "biU":
-            if (first != second).any():
-                return f"{name}: {first} and {second}"
-            continue
-        size = max(size, float(np.abs(first[np.isfinite(first)]).max(initial=0.0)))
-        same = (first == second) | (np.isnan(first) & np.isnan(second))  # infinite, or out of reach
-        first, second = np.where(same, 0.0, first), np.where(same, 0.0, second)
-        error = float(np.abs(first - second).max(initial=0.0))
-        if not error <= tolerance * size:
-            return f"{name}: {error / (size or 1):.2g}"
+        error, text = _difference(one[name], two[name])
+        allowed = tolerance
+        if printed:
+            moved = [
+                _difference(one[name], other[name])[0]
+                for other in printed
+                if not isinstance(other, str) and name in other
+            ]
+            allowed = max([1e-9, *(_SPREAD * by for by in moved if np.isfinite(by))])
+        if not error <= allowed:
+            return f"{name}: {text or f'{error:.2g}'}" + (
+                f", digits move it by {allowed:.2g}" if printed else ""
+            )
     return ""
+
+
+def _difference(first: object, second: object) -> tuple[float, str]:
+    """Largest difference of two answers as a share of their size; infinite, with words, where they are incomparable."""
+    size = 0.0
+    if isinstance(first, Sized) and isinstance(second, Sized):
+        first, second, size = first.value, second.value, first.size
+    first, second = np.asarray(first), np.asarray(second)
+    if first.shape != second.shape:
+        return np.inf, f"shapes {first.shape} and {second.shape}"
+    if first.dtype.kind in "biU":
+        return (np.inf, f"{first} and {second}") if (first != second).any() else (0.0, "")
+    size = max(size, float(np.abs(first[np.isfinite(first)]).max(initial=0.0)))
+    same = (first == second) | (np.isnan(first) & np.isnan(second))  # infinite, or out of reach
+    first, second = np.where(same, 0.0, first), np.where(same, 0.0, second)
+    error = float(np.abs(first - second).max(initial=0.0))
+    return (error / size if size else np.inf if error else 0.0), ""
 
 
 def _said(answers: Answers | str) -> str:
@@ -76,7 +100,8 @@ def disagreements(told: Telling, questions: list[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     for question in questions:
         first, second = plainly(told.plain.name, question), answer(QUESTIONS[question], told)
-        text = disagreement(first, second, told.tolerance)
+        printed = tuple(answer(QUESTIONS[question], other) for other in told.printed_otherwise)
+        text = disagreement(first, second, told.tolerance, printed)
         if text:
             found[question] = text
     return found
@@ -101,7 +126,7 @@ def tell_or_skip(robot: str, telling: str, folder: Path) -> Telling:
 
 @pytest.mark.parametrize(
     ("robot", "telling"),
-    [("four_bar", t) for t in TELLINGS if not t.startswith("all at once with")]
+    [("four_bar", t) for t in TELLINGS if not t.startswith("all at once with") and t != "six digits"]
     + [("five_bar", "hinges as balls"), ("stewart", "all at once"), ("stewart", "cut elsewhere")],
 )
 def test_a_few_answers(robot: str, telling: str, tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pinocchio as pin
 import stewart_pin as stp
 from tests.retelling.case import Case
 from tests.retelling.telling import Telling
-from tests.retelling.verbs.asking import Answers, asks
+from tests.retelling.verbs.asking import Answers, Sized, asks
 
 
 @asks("velocity_polytope", "wrench_polytope", kind="slow")
@@ -83,9 +83,8 @@ def closed_forms(t: Telling, c: Case) -> Answers:
     Rods that few digits leave round no more have a spin of their own, and no closed form on balls.
     """
     found = stp.closed_forms(t.chain)
-    if t.exact:
-        return {form.form: form.admitted for form in found}
-    return {form.form: form.miss < t.tolerance for form in found if np.isfinite(form.miss)}
+    admitted: Answers = {f"{form.form} admitted": form.admitted for form in found} if t.exact else {}
+    return admitted | {form.form: Sized(form.miss, 1.0) for form in found if np.isfinite(form.miss)}
 
 
 @asks("Hexapod.from_chain")
