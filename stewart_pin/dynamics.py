@@ -4,6 +4,8 @@ from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion as Bas
 from stewart_pin.mechanics.articulated_body.loops import (
     closed_chain_articulated_body as closed_chain_articulated_body,
 )
+from stewart_pin.mechanics.closed_forms import Admission as Admission
+from stewart_pin.mechanics.closed_forms import closed_forms as closed_forms
 from stewart_pin.mechanics.constraint_matrix.system import ConstraintMatrixSystem as ConstraintMatrixSystem
 from stewart_pin.mechanics.coordinates import Coordinates as Coordinates
 from stewart_pin.mechanics.effort import Effort as Effort

@@ -22,6 +22,11 @@ CONSISTENT = 1e-6
 """How far a state of a user may be from closed loops (per s, s²), relative where the state itself is larger: printed
 digits, not a wrong state."""
 
+PRINTED = 1e-5
+"""How far six printed digits move what would be exact, in robot sizes, radians and shares: an angle near π keeps its
+fifth decimal to half a unit, and two or three of them add up. What is nearer than this is read as meant; what the miss
+costs is judged by numbers."""
+
 SINGULAR = 1e-6
 """Share of its usual size at which a singular value that belongs to the mechanism counts as lost. A configuration known
 to 13 digits is only known to half of them where loops depend on each other; every verb raises at this nearness."""

@@ -9,18 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 from scipy import ndimage
 
+from stewart_pin.analysis.chain_legs import ChainLegs
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths, leg_vectors
 from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.kernels.hexapod_lengths import lengths_at
+from stewart_pin.mechanics.closed_forms import leg_form
 from stewart_pin.mechanics.kinematics import inverse_kinematics
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -139,7 +142,8 @@ def sample_workspace(
     hexapod
         Geometry; or a chain of six legs, in the world frame, whose limits then count: of the strokes unless others are
         given, and of passive joints and joints that close loops, for which `inverse_kinematics` is asked at every point
-        inside the strokes, from its neighbour on.
+        inside the strokes, from its neighbour on. It is asked for the lengths too, where no closed form stands for the
+        chain (`closed_forms`).
     rotation
         (3, 3) platform axes in the base frame.
     stroke
@@ -172,6 +176,9 @@ def sample_workspace(
     if isinstance(hexapod, ClosedChain):
         hexapod = Hexapod.from_chain(hexapod)
     strokes = _strokes(chain, stroke)
+    measured = None
+    if chain is not None and leg_form(chain, "leg_lengths") is None:
+        measured = ChainLegs(chain, hexapod, rotation, strokes)
     if sheet not in ("upper", "lower", "both"):
         raise InputError(f"sheet must be 'upper', 'lower' or 'both', got {sheet!r}")
     radius = float(np.sqrt((hexapod.platform_points**2).sum(axis=1).mean())) or 1.0
@@ -179,7 +186,7 @@ def sample_workspace(
     bounds = _bounds(hexapod, rotation, strokes, sheet)
     extent = bounds[1] - bounds[0]
     if spacing is None:
-        spacing = max(float(extent.max()), np.finfo(float).tiny) / (_FEWER if joints else _ACROSS)
+        spacing = max(float(extent.max()), np.finfo(float).tiny) / (_FEWER if joints or measured else _ACROSS)
     spacing = as_positive("spacing", spacing)
     cells = np.ceil(np.maximum(extent, 0.0) / spacing - 1e-9)
     if cells.prod() > _MOST:
@@ -193,7 +200,10 @@ def sample_workspace(
         start[2] = bounds[1, 2] - cells[2] * spacing
     shape = tuple(int(n) for n in cells)
     lengths = lengths_at(hexapod, rotation, int(cells.prod()), kernels)
-    samples = _evaluate(hexapod, rotation, lengths, strokes, start, bounds, shape, spacing, length)
+    if measured is not None:
+        lengths = partial(measured.lengths, reach=spacing)
+    quality = partial(_quality, hexapod, rotation, length, measured)
+    samples = _evaluate(quality, lengths, strokes, start, bounds, shape, spacing, length)
     return _judged(chain, rotation, samples) if chain is not None and joints else samples
 
 
@@ -259,8 +269,7 @@ def _cut(filled: np.ndarray) -> int:
 
 
 def _evaluate(
-    hexapod: Hexapod,
-    rotation: FloatArray,
+    quality: Callable[[FloatArray], tuple[FloatArray, np.ndarray]],
     lengths: Callable[[FloatArray], FloatArray],
     stroke: FloatArray,
     start: FloatArray,
@@ -284,7 +293,7 @@ def _evaluate(
     index, clearance, leg, end = (np.concatenate(part) for part in zip(*kept, strict=True))
     position = start + (index + 0.5) * spacing
     inside = clearance >= 0.0
-    condition, sign = _quality(hexapod, position, rotation, length)
+    condition, sign = quality(position)
     filled = np.zeros(shape, dtype=bool)
     filled[tuple(index[inside].T)] = True
     cell = spacing**3
@@ -351,7 +360,7 @@ def _clearance(lengths: FloatArray, stroke: FloatArray) -> tuple[FloatArray, np.
 
 
 def _quality(
-    hexapod: Hexapod, position: FloatArray, rotation: FloatArray, length: float
+    hexapod: Hexapod, rotation: FloatArray, length: float, measured: ChainLegs | None, position: FloatArray
 ) -> tuple[FloatArray, np.ndarray]:
     """Condition number of the normalised leg Jacobian, and the sign of its determinant."""
     condition, sign = np.empty(len(position)), np.empty(len(position), dtype=int)
@@ -362,6 +371,8 @@ def _quality(
         # A leg without length has no direction; its row of zeros makes the point singular.
         u = legs / np.where(size == 0.0, 1.0, size)
         jacobian = np.concatenate([u, np.cross(arms, u) / length], axis=-1)
+        if measured is not None:
+            jacobian = measured.jacobian(position[part]) / np.repeat([1.0, length], 3)
         singular = np.linalg.svd(jacobian, compute_uv=False)
         regular = singular[:, -1] > _NOISE * singular[:, 0]
         condition[part] = np.divide(

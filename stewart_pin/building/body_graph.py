@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -65,6 +65,7 @@ class BodyGraph:
         self.edges = [edge for edge in edges if edge.kind not in (JointKind.FIXED, JointKind.FLOATING)]
         self.ground, self.platform = self.body[chain.mechanism.root], self.body[chain.platform_link]
         self._drop_dead_ends()
+        self._join_balls()
 
     def edge(self, name: str) -> Edge | None:
         """Find a joint or loop.
@@ -128,6 +129,18 @@ class BodyGraph:
             if not loose:
                 return
             self.edges = [edge for edge in self.edges if not loose & {self.body[link] for link in edge.links}]
+
+    def _join_balls(self) -> None:
+        """Count two balls between the same two bodies as what they are: a hinge about the line through both."""
+        pairs: dict[frozenset[str], list[Edge]] = {}
+        for edge in self.edges:
+            if edge.kind is JointKind.SPHERICAL:
+                pairs.setdefault(frozenset(self.body[link] for link in edge.links), []).append(edge)
+        for one, *others in pairs.values():
+            if len(others) == 1 and (size := np.linalg.norm(others[0].point - one.point)) > 0:
+                hinge = replace(one, kind=JointKind.REVOLUTE, axis=(others[0].point - one.point) / size)
+                kept = [edge for edge in self.edges if edge is not others[0]]
+                self.edges = [hinge if edge is one else edge for edge in kept]
 
     def _edge(self, part: Joint | Loop, link1: str, link2: str, placement: pin.SE3) -> Edge:
         frame = self.frames[link1] * placement

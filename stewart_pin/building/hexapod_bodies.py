@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.building.body_graph import BodyGraph, Edge
 from stewart_pin.building.rotors import require_no_rotors
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod
 from stewart_pin.geometry.hexapod_bodies import HexapodBodies, LowerJoint, RigidBody
 from stewart_pin.model.description import JointKind
-from stewart_pin.model.fixed_links import fixed_to
-from stewart_pin.model.tree import link_frame
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.tolerances import PRINTED
 from stewart_pin.typing import FloatArray
 
 _SAME = 1e-9
-"""Deviation of axes and leg ends from those of the closed form that is round-off, in leg lengths and radians."""
+"""Deviation of a link from where the closed form has it that is round-off, in leg lengths and radians."""
 
 
 def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
@@ -25,9 +25,9 @@ def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
     Parameters
     ----------
     chain
-        Chain of six legs: universal lower joints with first axis base x and second axis leg y, or spherical ones with
-        the leg as third axis, all as hinges through the foot. Frames of links, senses of axes and zeros of joints may
-        be any.
+        Chain of six legs: lower joints universal with the second axis square to the leg, or balls, or three hinges
+        through the foot. Frames of links, senses of axes and zeros of joints may be any, and so may be the base's
+        frame and the cut of the loops.
 
     Returns
     -------
@@ -41,84 +41,87 @@ def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
     """
     require_no_rotors(chain, "the closed form")
     hexapod = Hexapod.from_chain(chain)
-    mechanism, model = chain.mechanism, chain.model
-    data = pin.Data(model)
-    pin.framesForwardKinematics(model, data, chain.q_home)
-    platform = data.oMf[chain.platform_id]
-    lower, upper, axes = [], [], set()
+    graph = BodyGraph(chain)
+    platform = graph.frames[chain.platform_link]
+    lower, upper, firsts, kinds = [], [], [], set()
+    known = {graph.ground, graph.platform}
     for motor, foot, head in zip(chain.motors, hexapod.base_points, hexapod.platform_points, strict=True):
-        joint = mechanism.joint(motor)
         end = platform.act(head)
-        leg = _leg_axes(end - foot)
-        axes.add(
-            _lower_axes(chain, data, joint.parent, pin.SE3(leg, foot), float(np.linalg.norm(end - foot)))
-        )
-        lower.append(_rigid_body(chain, joint.parent, pin.SE3(leg, foot), data))
-        upper.append(_rigid_body(chain, joint.child, pin.SE3(leg, end), data))
-    known = {*fixed_to(mechanism, mechanism.root), chain.platform_link}
-    known |= {
-        name
-        for motor in chain.motors
-        for name in (mechanism.joint(motor).parent, mechanism.joint(motor).child)
-    }
-    others = [link.name for link in mechanism.links if link.inertia is not None and link.name not in known]
+        below, above, hinges = _parts(graph, motor)
+        kind, first = _lower_joint(motor, hinges, end - foot)
+        leg = _leg_axes(end - foot, first)
+        lower.append(_rigid_body(chain, graph, below, pin.SE3(leg, foot)))
+        upper.append(_rigid_body(chain, graph, above, pin.SE3(leg, end)))
+        firsts.append(first)
+        kinds.add(kind)
+        known |= {below, above}
+    others = sorted({graph.body[link.name] for link in chain.mechanism.links if link.inertia} - known)
     if others:
         raise UnsupportedError(f"the closed form has no place for the bodies {', '.join(others)}")
-    kinds: dict[tuple[str, ...], LowerJoint] = {("x", "y"): "universal", ("x", "y", "z"): "spherical"}
-    if len(axes) != 1 or next(iter(axes)) not in kinds:
-        raise UnsupportedError("the closed form needs lower joints with the axes x, y or x, y, z")
-    return HexapodBodies(
-        _rigid_body(chain, chain.platform_link, platform, data),
-        tuple(lower),
-        tuple(upper),
-        kinds[next(iter(axes))],
-    )
+    if len(kinds) != 1:
+        raise UnsupportedError("the closed form needs legs whose lower joints are all of one kind")
+    body = _rigid_body(chain, graph, graph.platform, platform)
+    return HexapodBodies(body, tuple(lower), tuple(upper), kinds.pop(), np.array(firsts))
 
 
-def _leg_axes(leg: FloatArray) -> FloatArray:
-    """Turn Rx(α) Ry(β) with cos β > 0 that takes z along a leg."""
+def _leg_axes(leg: FloatArray, first: FloatArray) -> FloatArray:
+    """Axes of a leg frame as columns: z along the leg, y square to it and to the first axis of the lower joint."""
     z = leg / np.linalg.norm(leg)
-    y = np.array([0.0, z[2], -z[1]])
+    y = np.cross(z, first)
     size = np.linalg.norm(y)
     if size < _SAME:
-        raise UnsupportedError("a leg lies along base x, the first axis of its lower joint")
+        raise UnsupportedError("a leg lies along the first axis of its lower joint")
     return np.column_stack([np.cross(y / size, z), y / size, z])
 
 
-def _rigid_body(chain: ClosedChain, name: str, at: pin.SE3, data: pin.Data) -> RigidBody:
-    """Read a body in a frame that is fixed to it, given in the world at home."""
-    inertia = chain.mechanism.link(name).inertia or pin.Inertia.Zero()
-    there = at.actInv(data.oMf[link_frame(chain.model, name)])
-    # A link that stands as the closed form has it keeps its numbers to the last bit.
-    if not there.isIdentity(_SAME):
-        inertia = inertia.se3Action(there)
-    return RigidBody(inertia.mass, inertia.lever, inertia.inertia)
+def _parts(graph: BodyGraph, motor: str) -> tuple[str, str, list[Edge]]:
+    """Find the bodies below and above a motor, and the joints from the ground to the lower one."""
+    slide = graph.edge(motor)
+    assert slide is not None  # it drives a leg
+    sides: dict[str, tuple[str, list[Edge]]] = {}
+    for start in (graph.body[link] for link in slide.links):
+        body, path = start, [slide]
+        while body not in (graph.ground, graph.platform):
+            path.append(graph.onward(body, path[-1])[0])
+            body = graph.across(path[-1], body)
+        sides[body] = start, path[:0:-1]
+    below, hinges = sides[graph.ground]
+    return below, sides[graph.platform][0], hinges
 
 
-def _lower_axes(
-    chain: ClosedChain, data: pin.Data, link: str, leg: pin.SE3, length: float
-) -> tuple[str, ...]:
-    """Axes of the joints from the ground to a link, such as ("x", "y"); "?" for any other.
+def _lower_joint(motor: str, hinges: list[Edge], leg: FloatArray) -> tuple[LowerJoint, FloatArray]:
+    """Tell the kind of a lower joint, and its first axis with the first component that is not zero positive."""
+    match [edge.kind for edge in hinges]:
+        case [JointKind.REVOLUTE, JointKind.REVOLUTE]:
+            lean = max(abs(hinges[1].axis @ leg) / np.linalg.norm(leg), abs(hinges[1].axis @ hinges[0].axis))
+            if lean > PRINTED:
+                raise UnsupportedError(
+                    f"the closed form needs lower joints whose second axis is square to leg and first axis; that of "
+                    f"'{motor}' leans by {lean:.3g} rad"
+                )
+            kind: LowerJoint = "universal"
+        case [JointKind.REVOLUTE, JointKind.REVOLUTE, JointKind.REVOLUTE]:
+            kind = "spherical"
+        case [JointKind.SPHERICAL]:
+            # A ball has no axes: any that is not along the leg names the leg frame.
+            return "spherical", np.eye(3)[int(np.argmin(np.abs(leg)))]
+        case others:
+            raise UnsupportedError(
+                f"the closed form needs universal or spherical lower joints, '{motor}' has "
+                f"{', '.join(others) or 'none'}"
+            )
+    axis = hinges[0].axis
+    return kind, axis * np.sign(axis[np.abs(axis) > PRINTED][0])
 
-    The first is compared with base x, the second and third with y and z of the leg.
-    """
-    parents = {joint.child: joint for joint in chain.mechanism.joints}
-    found: list[tuple[FloatArray, FloatArray] | None] = []
-    while link != chain.mechanism.root:
-        joint = parents[link]
-        if joint.kind is JointKind.REVOLUTE:
-            frame = data.oMf[link_frame(chain.model, link)]
-            found.insert(0, (frame.rotation @ joint.axis, frame.translation))
-        elif joint.kind is not JointKind.FIXED:
-            found.insert(0, None)
-        link = joint.parent
-    wanted = (("x", np.eye(3)[0]), ("y", leg.rotation[:, 1]), ("z", leg.rotation[:, 2]))
-    names = ["?"] * len(found)
-    for k, (hinge, (name, along)) in enumerate(zip(found, wanted, strict=False)):
-        if hinge is None:
+
+def _rigid_body(chain: ClosedChain, graph: BodyGraph, body: str, at: pin.SE3) -> RigidBody:
+    """Read a body, all links that are fixed to each other, in a frame that is given in the world at home."""
+    whole = pin.Inertia.Zero()
+    for link in chain.mechanism.links:
+        if link.inertia is None or graph.body[link.name] != body:
             continue
-        axis, point = hinge
-        off = np.linalg.norm(np.cross(axis, along))
-        off += np.linalg.norm(np.cross(axis, leg.translation - point)) / length
-        names[k] = name if off < _SAME else "?"
-    return tuple(names)
+        there = at.actInv(graph.frames[link.name])
+        # A link that stands as the closed form has it keeps its numbers to the last bit.
+        moved = link.inertia if there.isIdentity(_SAME) else link.inertia.se3Action(there)
+        whole = moved if whole.mass == 0.0 else whole + moved
+    return RigidBody(whole.mass, whole.lever, whole.inertia)

@@ -9,25 +9,25 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.planar import PlanarRPR
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.tolerances import PRINTED
 from stewart_pin.typing import FloatArray
-
-_ROUND_OFF = 1e-9
-"""How far points and axes may be from the plane or the leg, in robot sizes: files print ten digits."""
 
 
 def planar_rpr(chain: ClosedChain) -> PlanarRPR:
-    """Read anchors and corners off a chain that moves in the xy plane of its base.
+    """Read anchors and corners off a chain that moves in a plane, wherever that stands.
 
     Parameters
     ----------
     chain
         Closed chain of three legs, each a prismatic motor between a revolute joint on the ground and one on the
-        platform, wherever the file cut the loops; motor positions are leg lengths.
+        platform, wherever the file cut the loops, and whatever the motors read: lengths are
+        ``offset + sign * motor_positions`` with ``sign, offset = chain.leg_readings``.
 
     Returns
     -------
     PlanarRPR
-        Legs in the order of the motors.
+        Legs in the order of the motors, and the plane. With the plane along xy of the world its frame is the world's,
+        but for its height.
 
     Raises
     ------
@@ -38,8 +38,9 @@ def planar_rpr(chain: ClosedChain) -> PlanarRPR:
     --------
     >>> import stewart_pin as stp
     >>> chain = stp.load("rpr_planar")
-    >>> modes = stp.planar_assembly_modes(stp.planar.planar_rpr(chain), stp.motor_positions(chain, chain.q_home))
-    >>> len(modes)
+    >>> sign, offset = chain.leg_readings
+    >>> lengths = offset + sign * stp.motor_positions(chain, chain.q_home)
+    >>> len(stp.planar_assembly_modes(stp.planar.planar_rpr(chain), lengths))
     4
     """
     graph = BodyGraph(chain)
@@ -48,23 +49,55 @@ def planar_rpr(chain: ClosedChain) -> PlanarRPR:
         raise UnsupportedError(
             f"a planar 3-RPR platform has three motors, {chain.name} has {len(chain.motors)}"
         )
-    if np.linalg.norm(platform.rotation[:, 2] - [0, 0, 1]) > _ROUND_OFF:
-        raise UnsupportedError(
-            f"platform '{chain.platform_link}' has its z axis not along z of the base, across the plane"
-        )
+    hinges = [_leg(graph, motor) for motor in chain.motors]
+    z = _across(hinges[0][0].axis, platform.rotation[:, 2])
+    axes = _square(z)
+    slack = PRINTED * chain.length_scale
+    plane = np.eye(4)
+    # The plane goes through the platform's origin, and its frame stands under that of the world.
+    plane[:3, :3], plane[:3, 3] = axes, z * (z @ platform.translation)
     anchors, corners = [], []
-    for motor, position in zip(chain.motors, chain.q_home[chain.motor_q_index], strict=True):
-        foot, head = _leg(graph, motor, _ROUND_OFF * chain.length_scale)
-        length = float(np.linalg.norm((head - foot)[:2]))
-        if abs(length - position) > _ROUND_OFF * chain.length_scale:
-            raise _no_leg(motor, f"it stands at {position:.6g} where the leg is {length:.6g} m long")
-        anchors.append(foot[:2])
-        corners.append(platform.actInv(head)[:2])
-    return PlanarRPR(np.array(anchors), np.array(corners))
+    turned = platform.rotation.T @ axes @ _about_z(axes.T @ platform.rotation)
+    for motor, (foot, head) in zip(chain.motors, hinges, strict=True):
+        for hinge in (foot, head):
+            if np.linalg.norm(np.cross(hinge.axis, z)) > PRINTED:
+                raise _no_leg(
+                    motor, f"joint '{hinge.name}' does not turn about the axis that the others turn about"
+                )
+        edge = graph.edge(motor)
+        assert edge is not None
+        across = np.cross(edge.axis, head.point - foot.point)
+        if abs(edge.axis @ z) > PRINTED or abs(across @ z) > slack:
+            raise _no_leg(motor, "it does not slide along the line between its hinges")
+        anchors.append(axes[:, :2].T @ foot.point)
+        corners.append(turned[:, :2].T @ platform.actInv(head.point))
+    return PlanarRPR(np.array(anchors), np.array(corners), plane, turned)
 
 
-def _leg(graph: BodyGraph, motor: str, slack: float) -> tuple[FloatArray, FloatArray]:
-    """Hinges of a leg on the ground and on the platform, in the world."""
+def _across(axis: FloatArray, platform_z: FloatArray) -> FloatArray:
+    """Direct an axis along the platform's z, or, where that stands otherwise, its first component up."""
+    first = axis[np.abs(axis) > PRINTED][0]
+    along = axis @ platform_z
+    return axis * np.sign(along if abs(along) > 1 - PRINTED else first)
+
+
+def _square(z: FloatArray) -> FloatArray:
+    """Axes with a given z, and x as near to the world's as can be; to its y where that stands across."""
+    near = np.eye(3)[0 if abs(z[0]) < 1 - PRINTED else 1]
+    x = near - (near @ z) * z
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def _about_z(rotation: FloatArray) -> FloatArray:
+    """Turn about z that takes x as near as can be to a rotation's x, or to its y where that stands across."""
+    flat = rotation[:2, 0] if np.linalg.norm(rotation[:2, 0]) > PRINTED else rotation[:2, 1]
+    c, s = flat / np.linalg.norm(flat)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+def _leg(graph: BodyGraph, motor: str) -> tuple[Edge, Edge]:
+    """Hinges of a leg on the ground and on the platform."""
     edge = graph.edge(motor)
     if edge is None or edge.kind is not JointKind.PRISMATIC:
         raise _no_leg(
@@ -75,17 +108,10 @@ def _leg(graph: BodyGraph, motor: str, slack: float) -> tuple[FloatArray, FloatA
         onward = graph.onward(graph.body[link], edge)
         if len(onward) != 1 or onward[0].kind is not JointKind.REVOLUTE:
             raise _no_leg(motor, f"link '{link}' is not held by one revolute joint")
-        hinge = onward[0]
-        if np.linalg.norm(np.cross(hinge.axis, [0, 0, 1])) > _ROUND_OFF:
-            raise _no_leg(motor, f"joint '{hinge.name}' does not turn about z of the base")
-        ends[graph.across(hinge, graph.body[link])] = hinge
+        ends[graph.across(onward[0], graph.body[link])] = onward[0]
     if set(ends) != {graph.ground, graph.platform}:
         raise _no_leg(motor, "it does not lead from the ground to the platform")
-    foot, head = ends[graph.ground].point, ends[graph.platform].point
-    miss = np.cross(edge.axis, (head - foot) * [1, 1, 0])
-    if abs(edge.axis[2]) > _ROUND_OFF or np.linalg.norm(miss) > slack:
-        raise _no_leg(motor, "it does not slide along the line between its hinges")
-    return foot, head
+    return ends[graph.ground], ends[graph.platform]
 
 
 def _no_leg(motor: str, reason: str) -> UnsupportedError:

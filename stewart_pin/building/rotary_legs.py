@@ -10,10 +10,11 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.geometry.rotary import RotaryLegs
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.tolerances import PRINTED
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9
-"""How far axes may miss a common point, in robot sizes: files print ten digits."""
+"""Share of the largest singular value below which lines leave a direction open: those of hinges in a row."""
 _FREEDOMS = {JointKind.REVOLUTE: 1, JointKind.UNIVERSAL: 2, JointKind.SPHERICAL: 3}
 
 
@@ -61,7 +62,7 @@ def rotary_legs(chain: ClosedChain) -> RotaryLegs:
 class _Reader:
     def __init__(self, chain: ClosedChain) -> None:
         self.chain = chain
-        self.slack = _ROUND_OFF * chain.length_scale
+        self.slack = PRINTED * chain.length_scale
         self.graph = BodyGraph(chain)
 
     def leg(self, motor: str, position: float) -> tuple[FloatArray, ...]:

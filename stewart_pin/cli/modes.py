@@ -50,7 +50,8 @@ def modes(
         platform, legs = PlanarRPR.from_sides(*sides), parse_numbers("--lengths", lengths, 3)
         figures, picture = _planar({"planar": list(sides)}, platform, legs)
     elif (chain := load(robot)).nu == 3:
-        platform, home = planar_rpr(chain), motor_positions(chain, chain.q_home).tolist()
+        platform, (sign, offset) = planar_rpr(chain), chain.leg_readings
+        home = (offset + sign * motor_positions(chain, chain.q_home)).tolist()
         legs = tuple(home) if lengths is None else parse_numbers("--lengths", lengths, 3)
         figures, picture = _planar({"robot": chain.name}, platform, legs)
     else:
@@ -66,7 +67,7 @@ def _spatial(chain: ClosedChain, lengths: str | None) -> tuple[dict[str, Any], A
     sign, offset = chain.leg_readings
     home = offset + sign * motor_positions(chain, chain.q_home)
     legs = home if lengths is None else np.array(parse_numbers("--lengths", lengths, 6))
-    found = assembly_modes(hexapod, legs)
+    found = assembly_modes(chain, sign * (legs - offset))
     facts = describe_modes(hexapod, found, stroke=_stroke(chain))
     rows = [
         {

@@ -74,9 +74,9 @@ class RigidBody(Brief):
 class HexapodBodies(Brief):
     """Bodies of a six-legged platform.
 
-    The leg frame has z along the leg, from base to platform. Its attitude in the base frame is
-    Rx(α) Ry(β), with cos β > 0: that is how a universal joint with its first axis along base x and its
-    second along leg y turns the leg.
+    The leg frame has z along the leg, from base to platform, and y square to the leg and to the first axis of
+    its lower joint. With this axis along base x its attitude in the base frame is Rx(α) Ry(β), with cos β > 0:
+    that is how a universal joint with its second axis along leg y turns the leg.
 
     Attributes
     ----------
@@ -91,17 +91,21 @@ class HexapodBodies(Brief):
     lower_joint
         "universal" transmits a torque about the normal of its two axes, so a leg cannot spin freely;
         "spherical" transmits none, so it can.
+    first_axes
+        (3,) or (6, 3) direction of the first axes of the lower joints, which stand in the base, in the base frame;
+        kept as six unit vectors, dimensionless. Of spherical joints it only names the leg frame.
 
     Raises
     ------
     InputError
-        If a body is no `RigidBody`, legs are not six, or the joint is unknown.
+        If a body is no `RigidBody`, legs are not six, the joint is unknown, or an axis has no direction.
     """
 
     platform: RigidBody
     lower: RigidBody | tuple[RigidBody, ...]
     upper: RigidBody | tuple[RigidBody, ...]
     lower_joint: LowerJoint = "universal"
+    first_axes: ArrayLike = (1.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if not isinstance(self.platform, RigidBody):
@@ -110,6 +114,7 @@ class HexapodBodies(Brief):
             object.__setattr__(self, name, _as_six(name, getattr(self, name)))
         if self.lower_joint not in get_args(LowerJoint):
             raise InputError(f"lower_joint must be 'universal' or 'spherical', got {self.lower_joint!r}")
+        object.__setattr__(self, "first_axes", _as_axes(self.first_axes))
 
 
 def _as_mass(value: float) -> float:
@@ -134,6 +139,17 @@ def _as_inertia(value: ArrayLike) -> FloatArray:
             f"{first:.6g} + {second:.6g}; give moments about the centre of mass"
         )
     return inertia
+
+
+def _as_axes(value: ArrayLike) -> FloatArray:
+    axes = np.asarray(value, dtype=float)
+    axes = np.broadcast_to(as_array("first_axes", value, (6, 3) if axes.ndim == 2 else (3,)), (6, 3))
+    sizes = np.linalg.norm(axes, axis=1, keepdims=True)
+    if not sizes.all():
+        raise InputError("first_axes must be directions, got one of length zero")
+    axes = axes / sizes
+    axes.setflags(write=False)
+    return axes
 
 
 def _as_six(name: str, value: RigidBody | tuple[RigidBody, ...]) -> tuple[RigidBody, ...]:

@@ -78,7 +78,7 @@ def hexapod_inverse_dynamics(
     InputError
         If an argument has the wrong shape, is not finite, or its batch shape does not fit the others.
     SingularityError
-        If the leg Jacobian is singular, a leg has no length, or a leg lies along base x (gimbal lock).
+        If the leg Jacobian is singular, a leg has no length, or a leg lies along its first axis (gimbal lock).
     UnsupportedError
         If the lower joints are spherical and a part of a leg is not axisymmetric about the leg: its spin then
         has a motion of its own, which the platform's motion does not determine.
@@ -94,7 +94,7 @@ def hexapod_inverse_dynamics(
     across u it gives f⊥ = (τ n - M) × u / l. The platform's balance then is Jᵀ (f·u) = wrench - Σ f⊥, and the
     actuator also carries the upper part along the leg.
 
-    A leg on a spherical joint has attitude Rx(α) Ry(β) Rz(γ) and no τ. Its idle spin is free to choose: here
+    A leg on a spherical joint has a third angle γ, about itself, and no τ. Its idle spin is free to choose: here
     γ and dγ/dt are zero, and d²γ/dt² is the one for which M·u = 0. If the leg is axisymmetric, M·u is its
     axial moment of inertia times u·dω/dt and nothing else, so the spin rate ω·u stays constant. Another spin
     rate gives other forces, by the gyroscopic moment.
@@ -102,7 +102,7 @@ def hexapod_inverse_dynamics(
     rotation = as_rotation("rotation", rotation)
     free_fall = as_array("gravity", gravity, (3,))
     tip = tip_motion(hexapod, position, rotation, twist, acceleration)
-    leg = leg_attitude(tip)
+    leg = leg_attitude(tip, np.asarray(bodies.first_axes))
     if bodies.lower_joint == "spherical":
         leg = _with_idle_spin(leg, tip, bodies)
 

@@ -12,7 +12,8 @@ from stewart_pin.geometry.hexapod import Hexapod, leg_jacobian, leg_vectors
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _GIMBAL_LOCK = 1e-12
-"""Cosine of β below which a leg counts as lying along base x: its spin rate grows with the inverse."""
+"""Cosine of β below which a leg counts as lying along the first axis of its joint: its spin rate grows with the
+inverse."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +46,14 @@ class TipMotion:
 
 @dataclass(frozen=True, eq=False)
 class LegAttitude:
-    """Attitude Rx(α) Ry(β) of the legs and how it changes.
+    """Attitude of the legs, turned by α about a first axis of the base and by β about leg y, and how it changes.
 
     Attributes
     ----------
     rotation
         (..., 6, 3, 3) leg axes in the base frame; z is the direction of the leg.
+    first
+        (6, 3) unit vectors of the first axes, which stand in the base, in the base frame.
     normal
         (..., 6, 3) unit vectors normal to both axes of the universal joint, in the base frame.
     tilt_cosine
@@ -62,6 +65,7 @@ class LegAttitude:
     """
 
     rotation: FloatArray
+    first: FloatArray
     normal: FloatArray
     tilt_cosine: FloatArray
     angular_velocity: FloatArray
@@ -174,13 +178,15 @@ def tip_motion(
     return TipMotion(arms, u, length, tip_acceleration, rate, swing)
 
 
-def leg_attitude(tip: TipMotion) -> LegAttitude:
+def leg_attitude(tip: TipMotion, first: FloatArray) -> LegAttitude:
     """Compute the attitude of legs on universal joints.
 
     Parameters
     ----------
     tip
         Motion of the leg directions.
+    first
+        (6, 3) unit vectors x of the first axes, in the base frame.
 
     Returns
     -------
@@ -190,22 +196,22 @@ def leg_attitude(tip: TipMotion) -> LegAttitude:
     Raises
     ------
     SingularityError
-        If a leg lies along base x, the first axis of its joint: gimbal lock.
+        If a leg lies along the first axis of its joint: gimbal lock.
 
     Notes
     -----
     The direction u fixes the angular velocity up to a spin s about the leg, ω = u × u̇ + s u. The joint fixes
-    s: it lets the leg turn only about base x and leg y, so ω·n = 0 for their normal n, which gives
+    s: it lets the leg turn only about its first axis x and leg y, so ω·n = 0 for their normal n, which gives
     s = -(u × u̇)·n / cos β. One derivative later, with ω = α̇ x + β̇ y and dy/dt = α̇ x × y = α̇ n, the condition
     reads ω̇·n = α̇ β̇.
     """
     u, swing = tip.direction, tip.swing
     # cos β is the smallest singular value of the map from (α̇, β̇) to du/dt.
-    tilt_cosine = np.hypot(u[..., 1], u[..., 2])
+    across_first = u - dot(u, first)[..., None] * first
+    tilt_cosine = np.linalg.norm(across_first, axis=-1)
     _require_no_gimbal_lock(tilt_cosine)
-    zero = np.zeros_like(tilt_cosine)
-    normal = np.stack([zero, u[..., 1], u[..., 2]], axis=-1) / tilt_cosine[..., None]
-    y = np.stack([zero, normal[..., 2], -normal[..., 1]], axis=-1)
+    normal = across_first / tilt_cosine[..., None]
+    y = np.cross(normal, first)
     rotation = np.stack([np.cross(y, u), y, u], axis=-1)
 
     across = np.cross(u, swing)
@@ -213,10 +219,10 @@ def leg_attitude(tip: TipMotion) -> LegAttitude:
     omega = across + spin[..., None] * u
     # u × d²u/dt², from the second derivative of l u = tip - base.
     bend = np.cross(u, tip.acceleration - 2 * tip.rate[..., None] * swing) / tip.length[..., None]
-    turned = omega[..., 0] * dot(omega, y)
+    turned = dot(omega, first) * dot(omega, y)
     spin_rate = (turned - dot(bend, normal) - spin * dot(swing, normal)) / tilt_cosine
     omega_rate = bend + spin_rate[..., None] * u + spin[..., None] * swing
-    return LegAttitude(rotation, normal, tilt_cosine, omega, omega_rate)
+    return LegAttitude(rotation, first, normal, tilt_cosine, omega, omega_rate)
 
 
 def dot(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -240,7 +246,7 @@ def _require_no_gimbal_lock(tilt_cosine: FloatArray) -> None:
     if locked.size:
         cosine, leg = float(tilt_cosine[tuple(locked[0])]), int(locked[0][-1]) + 1
         raise SingularityError(
-            f"leg {leg} lies along base x, the first axis of its lower joint: gimbal lock "
+            f"leg {leg} lies along the first axis of its lower joint: gimbal lock "
             f"(cos β = {cosine:.3g}), its spin is undefined; move the platform",
             smallest_singular_value=cosine,
             direction=np.array([1.0, 0.0]),

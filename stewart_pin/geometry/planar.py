@@ -10,13 +10,14 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_batch, as_positive
 from stewart_pin.errors import InputError, SingularityError
+from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _SIDE_MISMATCH = 1e-9
@@ -35,16 +36,74 @@ class PlanarRPR(Brief):
         (3, 2) fixed leg ends, in the base frame [m].
     corners
         (3, 2) moving leg ends, in the platform frame [m].
+    plane
+        (4, 4) placement of the base frame in the world, its z across the plane of motion: rotation, dimensionless, and
+        position [m].
+    turned
+        (3, 3) axes of the platform frame, its z across the plane too, in the frame that the world calls the platform's:
+        a rotation, dimensionless.
     """
 
     anchors: FloatArray
     corners: FloatArray
+    plane: FloatArray = field(default_factory=lambda: np.eye(4))
+    turned: FloatArray = field(default_factory=lambda: np.eye(3))
 
     def __post_init__(self) -> None:
+        for name, size in (("plane", 4), ("turned", 3)):
+            placed = as_array(name, getattr(self, name), (size, size)).copy()
+            as_rotation(name, placed[:3, :3])
+            placed.setflags(write=False)
+            object.__setattr__(self, name, placed)
         for name in ("anchors", "corners"):
             points = as_array(name, getattr(self, name), (3, 2)).copy()
             points.setflags(write=False)
             object.__setattr__(self, name, points)
+
+    def coordinates(self, position: ArrayLike, rotation: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Find the planar pose of a platform that stands somewhere in the world.
+
+        Parameters
+        ----------
+        position
+            (..., 3) platform origin in the world [m].
+        rotation
+            (..., 3, 3) platform axes in the world.
+
+        Returns
+        -------
+        position : numpy.ndarray
+            (..., 2) in the base frame [m].
+        angle : numpy.ndarray
+            (...) of the platform's x axis [rad].
+        """
+        axes = self.plane[:3, :3]
+        flat = (as_batch("position", position, (3,)) - self.plane[:3, 3]) @ axes[:, :2]
+        turned = axes.T @ as_rotation("rotation", rotation) @ self.turned
+        return flat, np.arctan2(turned[..., 1, 0], turned[..., 0, 0])
+
+    def placement(self, position: ArrayLike, angle: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Find where a planar pose stands in the world, the way back from `coordinates`.
+
+        Parameters
+        ----------
+        position
+            (..., 2) in the base frame [m].
+        angle
+            (...) of the platform's x axis [rad].
+
+        Returns
+        -------
+        position : numpy.ndarray
+            (..., 3) platform origin in the world [m].
+        rotation : numpy.ndarray
+            (..., 3, 3) platform axes in the world.
+        """
+        position, angle = as_batch("position", position, (2,)), as_batch("angle", angle, ())
+        axes = self.plane[:3, :3]
+        c, s, zero = np.cos(angle), np.sin(angle), np.zeros_like(angle)
+        turn = np.stack([c, -s, zero, s, c, zero, zero, zero, zero + 1], axis=-1).reshape(*angle.shape, 3, 3)
+        return self.plane[:3, 3] + position @ axes[:, :2].T, axes @ turn @ self.turned.T
 
     @classmethod
     def from_sides(

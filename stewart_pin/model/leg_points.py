@@ -11,10 +11,13 @@ import pinocchio as pin
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Mechanism
 from stewart_pin.model.fixed_links import fixed_to
+from stewart_pin.tolerances import PRINTED
 from stewart_pin.typing import FloatArray
 
-_ROUND_OFF = 1e-9
-"""Axes and points that pass each other this close meet, relative to the mechanism's size: files print ten digits."""
+_PARALLEL = 1e-4
+"""Sine of the angle between two axes below which printed digits leave open where they meet."""
+
+_Z = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +49,8 @@ def leg_points(mechanism: Mechanism, motors: Sequence[str], platform: str) -> tu
     """Find both ends of the leg that each motor drives.
 
     A leg is a prismatic motor between joints that turn about one point of the ground and joints that turn about one
-    point of the platform, and slides along the line between the points; wherever the file cut the loop.
+    point of the platform, and slides along the line between the points; wherever the file cut the loop. Axes may miss
+    the point as few printed digits make them.
 
     Parameters
     ----------
@@ -80,6 +84,9 @@ def leg_readings(
 ) -> tuple[FloatArray, FloatArray]:
     """Find what each motor of a leg reads: length = offset + sign × reading.
 
+    The leg may turn about a point at either end, or about parallel axes as in a planar mechanism, and then has the
+    length between these.
+
     Parameters
     ----------
     mechanism
@@ -101,7 +108,7 @@ def leg_readings(
     Raises
     ------
     UnsupportedError
-        If a motor does not drive a leg, see `leg_points`.
+        If a motor drives neither.
     """
     walker = _Walker(mechanism, platform)
     zero = np.array([walker.zero(mechanism.joint(motor)) for motor in motors])
@@ -120,13 +127,17 @@ class _Walker:
             if link not in self.ends
         }
         self._absorb_fixed_links()
+        self.edges = {link: _joined(edges) for link, edges in self.edges.items()}
         reach = [np.linalg.norm(edge.here.translation) for edges in self.edges.values() for edge in edges]
-        self.tolerance = _ROUND_OFF * max(reach, default=1.0)
+        self.tolerance = PRINTED * max(reach, default=1.0)
         self._drop_dead_ends()
 
     def leg(self, motor: Joint) -> dict[str, FloatArray]:
         """Find the ends of one leg: the point in the ground and the point in the platform, by link."""
         below, above, _ = self._ends(motor)
+        for link, locus in (below, above):
+            if locus.axis is not None:
+                raise _no_leg(motor.name, f"it turns about an axis of link '{link}', not about a point")
         return {link: locus.origin for link, locus in (below, above)}
 
     def zero(self, motor: Joint) -> float:
@@ -145,10 +156,24 @@ class _Walker:
             raise _no_leg(motor.name, f"it does not lead from link '{self.ends[0]}' to link '{self.ends[1]}'")
         # Both points in the motor's frame; the slide changes their distance along its axis only.
         apart = above[1].start - motor.placement.actInv(below[1].start)
+        hinges = [above[1].start_axis, below[1].start_axis]
+        if hinges[0] is not None or hinges[1] is not None:
+            apart = apart - self._along_hinges(motor, hinges[0], hinges[1], apart)
         miss = float(np.linalg.norm(np.cross(motor.axis, apart)))
         if miss > self.tolerance:
             raise _no_leg(motor.name, f"its axis misses the line between the leg's ends by {miss:.3g} m")
         return below, above, apart
+
+    def _along_hinges(
+        self, motor: Joint, above: FloatArray | None, below: FloatArray | None, apart: FloatArray
+    ) -> FloatArray:
+        """Find what lies along the two hinges of a leg in a plane, in the motor's frame."""
+        if above is None or below is None:
+            raise _no_leg(motor.name, "it turns about a point at one end, about an axis at the other")
+        lower = motor.placement.rotation.T @ below
+        if max(np.linalg.norm(np.cross(above, lower)), abs(above @ motor.axis)) > _PARALLEL:
+            raise _no_leg(motor.name, "it turns about an axis at either end, but moves in no plane")
+        return (above @ apart) * above
 
     def _walk(self, motor: Joint, link: str, behind: str) -> tuple[str, _Locus]:
         """Walk from one side of the motor over joints about one point to the ground or the platform."""
@@ -171,8 +196,6 @@ class _Walker:
             link = edge.other
         if locus is None:
             raise _no_leg(motor.name, f"it is fixed to link '{link}'")
-        if locus.axis is not None:
-            raise _no_leg(motor.name, f"it turns about an axis of link '{link}', not about a point")
         return link, locus
 
     def _narrowed(self, motor: Joint, locus: _Locus | None, edge: _Edge, rigid: pin.SE3) -> _Locus:
@@ -188,7 +211,7 @@ class _Walker:
         steps, miss = np.zeros(len(columns)), center - locus.origin
         if columns:
             system = np.column_stack(columns)
-            if np.linalg.svd(system, compute_uv=False)[-1] < _ROUND_OFF:
+            if np.linalg.svd(system, compute_uv=False)[-1] < _PARALLEL:
                 raise _no_leg(motor.name, f"two of its joints turn about parallel axes (joint '{edge.name}')")
             steps = np.linalg.lstsq(system, miss, rcond=None)[0]
             miss = miss - system @ steps
@@ -237,6 +260,29 @@ def _edges(mechanism: Mechanism) -> dict[str, list[_Edge]]:
         edges[link1].append(_Edge(part.kind, part.name, link2, placement1, placement2, part.axis))
         edges[link2].append(_Edge(part.kind, part.name, link1, placement2, placement1, part.axis))
     return edges
+
+
+def _joined(edges: list[_Edge]) -> list[_Edge]:
+    """Count two balls between the same two links as what they are: a hinge about the line through both."""
+    balls: dict[str, list[_Edge]] = {}
+    for edge in edges:
+        if edge.kind is JointKind.SPHERICAL:
+            balls.setdefault(edge.other, []).append(edge)
+    for pair in balls.values():
+        if len(pair) == 2:
+            one, two = pair
+            here, there = _through(one.here, two.here), _through(one.there, two.there)
+            hinge = _Edge(JointKind.REVOLUTE, one.name, one.other, here, there, _Z)
+            edges = [hinge if edge is one else edge for edge in edges if edge is not two]
+    return edges
+
+
+def _through(one: pin.SE3, two: pin.SE3) -> pin.SE3:
+    """Frame at one point whose z leads to another."""
+    way = two.translation - one.translation
+    if not way.any():
+        return one
+    return pin.SE3(pin.Quaternion.FromTwoVectors(_Z, way).toRotationMatrix(), one.translation)
 
 
 def _carried(locus: _Locus | None, edge: _Edge) -> _Locus | None:

@@ -12,13 +12,10 @@ import pinocchio as pin
 
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_positive, as_spread
-from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.geometry.hexapod import Hexapod, leg_jacobian, leg_lengths, point_mass_forces
-from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
-from stewart_pin.geometry.leg_motion import leg_rates
-from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, motor_efforts
+from stewart_pin.errors import InputError
+from stewart_pin.mechanics.closed_forms import leg_form, point_of
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_norm, motor_efforts
 from stewart_pin.mechanics.kinematics import forward_kinematics, platform_acceleration, platform_motion
-from stewart_pin.motion.leg_formula import leg_formula
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State
@@ -59,7 +56,7 @@ class Feedforward(Brief):
     reference
         Motion of the platform.
     model
-        ``"full"``: inverse dynamics of all bodies. ``"point_mass"``: legs massless, platform a point (hexapods).
+        ``"full"``: inverse dynamics of all bodies. ``"point_mass"``: legs massless, platform a point.
     """
 
     chain: ClosedChain
@@ -69,33 +66,19 @@ class Feedforward(Brief):
     def __post_init__(self) -> None:
         _require_model(self.model)
         if self.model == "point_mass":
-            Hexapod.from_chain(self.chain)  # refuses other machines here, not in the midst of a run
+            point_of(self.chain)  # refuses a platform without mass here, not in the midst of a run
 
     def __call__(self, t: float, q: Configuration, v: Tangent) -> FloatArray:
         """Return the efforts (nu,) of the reference at time t [N or N m]."""
         want = self.reference(np.array([t]))
-        chain = self.chain
-        if self.model == "point_mass":
-            return _point_mass(chain, self._hexapod, want.pose(0), want.acceleration[0, :3])
-        formula = leg_formula(chain)
-        if formula is not None:
-            answer = hexapod_inverse_dynamics(
-                *formula,
-                want.position,
-                want.rotation,
-                want.twist,
-                want.acceleration,
-                gravity=chain.gravity,
-            )
-            return chain.leg_readings[0] * answer.actuator[0]
+        legs = leg_form(self.chain, "leg_efforts" if self.model == "full" else "point_mass")
+        if legs is not None:
+            return legs.efforts(want.position, want.rotation, want.twist, want.acceleration)[0]
         state = platform_motion(
-            chain, want.pose(0), want.twist[0], want.acceleration[0], q_guess=q, limits=False
+            self.chain, want.pose(0), want.twist[0], want.acceleration[0], q_guess=q, limits=False
         )
-        return inverse_dynamics(chain, state.q, state.v, state.a).tau_motor
-
-    @cached_property
-    def _hexapod(self) -> Any:
-        return Hexapod.from_chain(self.chain)
+        moved = self.chain if self.model == "full" else point_of(self.chain)
+        return inverse_dynamics(moved, state.q, state.v, state.a).tau_motor
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -213,8 +196,8 @@ class ComputedTorque(Brief):
     kd
         Damping per inertia [1/s]; critical at 2 √kp.
     model
-        ``"full"``: all bodies. ``"point_mass"``: legs massless, platform a point (hexapods). A point has no moment of
-        inertia to correct the attitude with; the platform's own serves for the correction, not for the reference.
+        ``"full"``: all bodies. ``"point_mass"``: legs massless, platform a point. A point has no moment of inertia to
+        correct the attitude with; the platform's own serves for the correction, not for the reference.
     motor_inertia
         Inertia of the motors on their coordinates, full model only [kg or kg m²].
     """
@@ -230,7 +213,7 @@ class ComputedTorque(Brief):
         _require_model(self.model)
         as_spread("motor_inertia", self.motor_inertia, self.chain.nu)
         if self.model == "point_mass":
-            Hexapod.from_chain(self.chain)
+            point_of(self.chain)
 
     def __call__(self, t: float, q: Configuration, v: Tangent) -> FloatArray:
         """Return the efforts (nu,) [N or N m]."""
@@ -241,23 +224,27 @@ class ComputedTorque(Brief):
         error = np.concatenate([want.position[0] - pose.translation, turn])
         correction = self.kd * (want.twist[0] - twist) + self.kp * error
         if self.model == "point_mass":
-            return self._by_point_mass(pose, want.acceleration[0, :3] + correction[:3], correction[3:])
+            return self._by_point_mass(state, want.acceleration[0], correction)
         a = platform_acceleration(state, want.acceleration[0] + correction)
         return motor_efforts(state, a) + np.asarray(self.motor_inertia) * a[self.chain.motor_index]
 
-    def _by_point_mass(self, pose: pin.SE3, linear: FloatArray, angular: FloatArray) -> FloatArray:
-        efforts = _point_mass(self.chain, self._hexapod, pose, linear)
-        body = self.chain.mechanism.link(self.chain.platform_link).inertia
+    def _by_point_mass(self, state: State, asked: FloatArray, correction: FloatArray) -> FloatArray:
+        chain, pose = self.chain, state.pose
+        # The point goes as the origin does; turning is asked for by the correction alone.
+        wanted = asked + correction
+        legs = leg_form(chain, "point_mass")
+        if legs is not None:
+            efforts = legs.efforts(pose.translation, pose.rotation, state.twist, wanted)
+        else:
+            a = platform_acceleration(state, wanted)
+            efforts = motor_efforts(State(point_of(chain), state.q, state.v), a)
+        body = chain.mechanism.link(chain.platform_link).inertia
         if body is None:
             return efforts
-        moment = pose.rotation @ body.inertia @ pose.rotation.T @ angular
-        jacobian = leg_jacobian(self._hexapod, pose.translation, pose.rotation)
-        turning = np.linalg.solve(jacobian.T, np.concatenate([np.zeros(3), moment]))
-        return efforts + self.chain.leg_readings[0] * turning
-
-    @cached_property
-    def _hexapod(self) -> Any:
-        return Hexapod.from_chain(self.chain)
+        # tauᵀ v_motor = momentᵀ ω for every motion: efforts of least norm that carry the moment.
+        moment = pose.rotation @ body.inertia @ pose.rotation.T @ correction[3:]
+        N, S = state.freedom.motions, chain.motor_index
+        return efforts + least_norm(N[S].T, N.T @ state.P[3:].T @ moment, state.freedom.count.motor)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -321,12 +308,7 @@ class _MotorReference:
         self._chain, self._reference = chain, reference
         self._time: float | None = None
         self._values = (np.zeros(chain.nu), np.zeros(chain.nu))
-        try:
-            self._hexapod = Hexapod.from_chain(chain)
-        except UnsupportedError:
-            self._hexapod = None
-            return
-        self._sign, self._offset = chain.leg_readings
+        self._legs = leg_form(chain, "leg_lengths")
 
     def at(self, t: float, q: Configuration) -> tuple[FloatArray, FloatArray]:
         if t != self._time:
@@ -336,27 +318,14 @@ class _MotorReference:
     def _compute(self, t: float, q: Configuration) -> tuple[FloatArray, FloatArray]:
         want = self._reference(np.array([t]))
         chain = self._chain
-        if self._hexapod is not None:
-            lengths = leg_lengths(self._hexapod, want.position, want.rotation)[0]
-            rates = leg_rates(self._hexapod, want.position, want.rotation, want.twist)[0]
-            return self._sign * (lengths - self._offset), self._sign * rates
+        if self._legs is not None:
+            place = (want.position, want.rotation)
+            return self._legs.positions(*place)[0], self._legs.rates(*place, want.twist)[0]
         # A platform with fewer than six freedoms cannot move without the acceleration that goes with it.
         state = platform_motion(
             chain, want.pose(0), want.twist[0], want.acceleration[0], q_guess=q, limits=False
         )
         return state.q[chain.motor_q_index], state.v[chain.motor_index]
-
-
-def _point_mass(chain: ClosedChain, hexapod: Any, pose: pin.SE3, acceleration: FloatArray) -> FloatArray:
-    body = chain.mechanism.link(chain.platform_link).inertia
-    return chain.leg_readings[0] * point_mass_forces(
-        hexapod,
-        pose.translation,
-        pose.rotation,
-        acceleration,
-        mass=0.0 if body is None else body.mass,
-        gravity=chain.gravity,
-    )
 
 
 def _require_model(model: str) -> None:

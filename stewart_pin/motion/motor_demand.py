@@ -5,30 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.brief import Brief
-from stewart_pin.errors import ClosureError, InputError
-from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
-from stewart_pin.geometry.hexapod_bodies import HexapodBodies
-from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
-from stewart_pin.geometry.leg_motion import leg_rates
+from stewart_pin.errors import ClosureError, InputError, UnsupportedError
 from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.mechanics.closed_forms import LegForm, leg_form
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import State, inverse_kinematics, platform_motion
 from stewart_pin.model.description import JointKind
 from stewart_pin.motion.joint_motion import asked_of_motors, asked_of_others
-from stewart_pin.motion.leg_formula import leg_formula
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import Excess
 from stewart_pin.state.state import as_chain
 from stewart_pin.typing import Configuration, FloatArray
+
+DemandMethod = Literal["closed_form", "kernels", "one_state"]
+"""Ways to compute a demand; they give the same numbers, to round-off."""
 
 _CLOSED_FORM = 100
 """States that the closed form does in the time that the one-state verbs take for one."""
@@ -54,6 +54,8 @@ class MotorDemand(Brief):
         Whose motors.
     samples
         Motion of the platform that asks for it.
+    method
+        How it was computed: by a closed form that was admitted for the chain, by kernels, or state by state.
     """
 
     time: FloatArray
@@ -62,6 +64,7 @@ class MotorDemand(Brief):
     efforts: FloatArray
     chain: ClosedChain = field(repr=False)
     samples: PlatformSamples = field(repr=False)
+    method: DemandMethod = "one_state"
 
     def holds(self) -> bool:
         """Tell whether every limit holds, as `check`, but ask the other joints only where the motors keep theirs.
@@ -109,14 +112,15 @@ def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool 
     samples
         Motion of the platform.
     kernels
-        Whether to use compiled kernels; None: for more than a handful of states, of platforms with a closed form for
-        tens of thousands.
+        Whether to use compiled kernels, where the chain has them; None: for more than a handful of states, of platforms
+        with a closed form for tens of thousands. The answer is the same, to round-off.
 
     Returns
     -------
     MotorDemand
-        Positions, rates and efforts. Without kernels in closed form for six-legged platforms, and state by state for
-        other chains; so too where kernels have no answer for a state, so that the error names it.
+        Positions, rates and efforts, and by which method. Without kernels in closed form where one stands for the chain
+        (`closed_forms`), and state by state for other chains; so too where the chain cannot be compiled, or kernels
+        have no answer for a state, so that the error names it.
 
     Raises
     ------
@@ -126,8 +130,6 @@ def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool 
         If the motors cannot hold it.
     MissingExtraError
         If kernels are wanted and CasADi is not installed.
-    UnsupportedError
-        If kernels are wanted and the chain cannot be compiled.
     """
     as_chain(chain)
     if not isinstance(samples, PlatformSamples):
@@ -156,10 +158,13 @@ def demand_kernels(chain: ClosedChain, states: float, wanted: bool | None) -> Ke
     Returns
     -------
     Kernels or None
-        Kernels, or None where a demand is better computed without.
+        Kernels, or None where a demand is better computed without, or the chain has none.
     """
-    closed_form = wanted is None and leg_formula(chain) is not None
-    return kernels_for(chain, int(states) // (_CLOSED_FORM if closed_form else 1), wanted)
+    closed_form = wanted is None and leg_form(chain, "leg_efforts") is not None
+    try:
+        return kernels_for(chain, int(states) // (_CLOSED_FORM if closed_form else 1), wanted)
+    except UnsupportedError:
+        return None
 
 
 def demands_by_kernels(kernels: Kernels, motions: Sequence[PlatformSamples]) -> list[MotorDemand | int]:
@@ -204,7 +209,9 @@ def demands_by_kernels(kernels: Kernels, motions: Sequence[PlatformSamples]) -> 
             # Angles are those of home's branch; they go on where a motor has turned further.
             positions[part, turning] = np.unwrap(positions[part, turning], axis=0)
         found.append(
-            MotorDemand(samples.time, positions[part], rates[part], efforts[part], kernels.chain, samples)
+            MotorDemand(
+                samples.time, positions[part], rates[part], efforts[part], kernels.chain, samples, "kernels"
+            )
         )
     return found
 
@@ -235,9 +242,9 @@ def demand_by_formula(
     ActuationError
         If the motors cannot hold it.
     """
-    closed_form = leg_formula(chain)
+    closed_form = leg_form(chain, "leg_efforts")
     if closed_form is not None:
-        return _by_closed_form(chain, *closed_form, samples)
+        return _by_closed_form(chain, closed_form, samples)
     if suspect is not None:
         # Rounded, since sinusoids of other frequencies come to the same place but for the last bit.
         place = (np.round(samples.position[suspect], 12), np.round(samples.rotation[suspect], 12))
@@ -248,21 +255,16 @@ def demand_by_formula(
     return _state_by_state(chain, samples)
 
 
-def _by_closed_form(
-    chain: ClosedChain, hexapod: Hexapod, bodies: HexapodBodies, samples: PlatformSamples
-) -> MotorDemand:
-    sign, offset = chain.leg_readings
+def _by_closed_form(chain: ClosedChain, legs: LegForm, samples: PlatformSamples) -> MotorDemand:
     place = (samples.position, samples.rotation)
-    forces = hexapod_inverse_dynamics(
-        hexapod, bodies, *place, samples.twist, samples.acceleration, gravity=chain.gravity
-    )
     return MotorDemand(
         time=samples.time,
-        positions=sign * (leg_lengths(hexapod, *place) - offset),
-        rates=sign * leg_rates(hexapod, *place, samples.twist),
-        efforts=sign * forces.actuator,
+        positions=legs.positions(*place),
+        rates=legs.rates(*place, samples.twist),
+        efforts=legs.efforts(*place, samples.twist, samples.acceleration),
         chain=chain,
         samples=samples,
+        method="closed_form",
     )
 
 

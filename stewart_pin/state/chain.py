@@ -341,6 +341,11 @@ class ClosedChain:
         return unknown_to_pinocchio(self) is None and self.generic.rank == self.nc
 
     @cached_property
+    def found(self) -> dict[str, Any]:
+        """What higher floors found out about this very chain, each once; a chain made of it starts with nothing."""
+        return {}
+
+    @cached_property
     def generic(self) -> Generic:
         """Ranks and freedoms that belong to the mechanism, found once at closed configurations near home."""
         return find_generic(self)

@@ -10,12 +10,10 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.brief import Brief
-from stewart_pin.building.hexapod_bodies import hexapod_bodies
 from stewart_pin.building.variants import massless_legs, replace_inertias
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.geometry.hexapod import Hexapod, point_mass_forces
-from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
 from stewart_pin.kernels.choosing import kernels_for
+from stewart_pin.mechanics.closed_forms import Form, LegForm, admission, point_of
 from stewart_pin.mechanics.inverse_dynamics import Method, inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion
 from stewart_pin.motion.trajectories import PlatformSamples
@@ -93,7 +91,7 @@ def compare_methods(
     Returns
     -------
     Comparison
-        Forces by method; the closed form and the point-mass formula only for six-legged platforms.
+        Forces by method; the closed form and the point-mass formula where they stand for the chain (`closed_forms`).
     """
     as_chain(chain)
     if not isinstance(samples, PlatformSamples):
@@ -105,7 +103,9 @@ def compare_methods(
     q = chain.q_home
     for k in range(len(samples)):
         states.append(
-            platform_motion(chain, samples.pose(k), samples.twist[k], samples.acceleration[k], q_guess=q)
+            platform_motion(
+                chain, samples.pose(k), samples.twist[k], samples.acceleration[k], q_guess=q, limits=False
+            )
         )
         q = states[-1].q
         say("kinematics", k + 1, len(samples))
@@ -119,15 +119,21 @@ def compare_methods(
 
     pose = np.hstack([samples.position, Rotation.from_matrix(samples.rotation).as_quat()])
 
+    notes: list[str] = []
+
     def array_forces(variant: ClosedChain) -> FloatArray | None:
-        compiled = kernels_for(variant, len(samples), kernels)
+        try:
+            compiled = kernels_for(variant, len(samples), kernels)
+        except UnsupportedError as error:
+            notes.append(f"no kernels: {error}")
+            return None
         return compiled and compiled.inverse_dynamics(pose, samples.twist, samples.acceleration)
 
     def forces_of(variant: ClosedChain, stage: str) -> FloatArray:
         forces = array_forces(variant)
         return tree_forces(variant, "pinocchio", stage) if forces is None else forces
 
-    simple = massless_legs(chain, point_platform=True)
+    simple = point_of(chain)
     methods: tuple[Method, ...] = ("pinocchio", "constraint_matrix")
     forces: dict[str, FloatArray] = {m: tree_forces(chain, m, m) for m in methods}
     simplified: dict[str, FloatArray] = {m: tree_forces(simple, m, f"{m}, simplified") for m in methods}
@@ -135,13 +141,19 @@ def compare_methods(
         compiled = array_forces(variant)
         if compiled is not None:
             found["kernels"] = compiled
-    notes: list[str] = []
-    try:
-        forces["closed_form"] = _closed_form(chain, samples)
-        simplified["closed_form"] = _closed_form(simple, samples)
-        simplified["point_mass"] = _point_mass(chain, samples)
-    except UnsupportedError as error:
-        notes.append(f"no closed form and no point-mass formula for this robot: {error}")
+    wanted: tuple[tuple[ClosedChain, dict[str, FloatArray], str, Form], ...] = (
+        (chain, forces, "closed_form", "leg_efforts"),
+        (simple, simplified, "closed_form", "leg_efforts"),
+        (chain, simplified, "point_mass", "point_mass"),
+    )
+    for variant, found, name, form in wanted:
+        admitted = admission(variant, form)
+        if admitted.admitted and isinstance(admitted.geometry, LegForm):
+            place = (samples.position, samples.rotation)
+            found[name] = admitted.geometry.efforts(*place, samples.twist, samples.acceleration)
+        else:
+            which = "simplified " if found is simplified else ""
+            notes.append(f"no {which}{name.replace('_', ' ')} for this robot: {admitted.reason}")
     # Inverse dynamics is linear in the inertial parameters: what each adds is its share, whatever the order.
     rigid = forces_of(massless_legs(chain), "massless legs")
     points = forces_of(_point_legs(chain), "point legs")
@@ -152,7 +164,9 @@ def compare_methods(
         "leg masses": points - rigid,
         "leg inertia": whole - points,
     }
-    return Comparison(chain.name, chain.motors, samples.time, forces, simplified, contributions, tuple(notes))
+    return Comparison(
+        chain.name, chain.motors, samples.time, forces, simplified, contributions, tuple(dict.fromkeys(notes))
+    )
 
 
 def spread(forces: Mapping[str, FloatArray]) -> float:
@@ -171,33 +185,6 @@ def spread(forces: Mapping[str, FloatArray]) -> float:
     stack = np.stack(list(forces.values()))
     largest = np.abs(stack).max()
     return float(np.ptp(stack, axis=0).max() / largest) if largest > 0 else 0.0
-
-
-def _closed_form(chain: ClosedChain, samples: PlatformSamples) -> FloatArray:
-    return (
-        chain.leg_readings[0]
-        * hexapod_inverse_dynamics(
-            Hexapod.from_chain(chain),
-            hexapod_bodies(chain),
-            samples.position,
-            samples.rotation,
-            samples.twist,
-            samples.acceleration,
-            gravity=chain.gravity,
-        ).actuator
-    )
-
-
-def _point_mass(chain: ClosedChain, samples: PlatformSamples) -> FloatArray:
-    body = chain.mechanism.link(chain.platform_link).inertia
-    return chain.leg_readings[0] * point_mass_forces(
-        Hexapod.from_chain(chain),
-        samples.position,
-        samples.rotation,
-        samples.acceleration[:, :3],
-        mass=0.0 if body is None else body.mass,
-        gravity=chain.gravity,
-    )
 
 
 def _point_legs(chain: ClosedChain) -> ClosedChain:

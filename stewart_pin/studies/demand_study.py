@@ -183,8 +183,8 @@ def motions_in_a_task(study: DemandStudy, points: Points) -> int:
 
     Raises
     ------
-    UnsupportedError
-        If kernels are wanted and a chain that is given cannot be compiled.
+    MissingExtraError
+        If kernels are wanted and CasADi is not installed.
     """
     if not points.size:
         return 1

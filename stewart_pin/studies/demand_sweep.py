@@ -53,8 +53,8 @@ def sweep_demand(
     paired
         Whether the k-th values of all axes belong together: a list of points instead of a grid.
     kernels
-        Whether to use compiled kernels; None: where a design has enough states, and can be compiled. Without them each
-        motion is computed by `motor_demand`, to the same numbers.
+        Whether to use compiled kernels, where a design can be compiled; None: where it has enough states, too. Without
+        them each motion is computed by `motor_demand`, to the same numbers.
     limits
         Whether each motion is judged by all limits that are stated, of passive joints and joints that close loops too,
         which takes a tenth of a millisecond for every instant at which the motors keep theirs.
@@ -85,8 +85,6 @@ def sweep_demand(
         If a parameter is unknown or missing, the functions give no chain or no samples, or as in `sweep`.
     MissingExtraError
         If kernels are wanted and CasADi is not installed.
-    UnsupportedError
-        If kernels are wanted and the chain cannot be compiled.
 
     Examples
     --------

@@ -116,6 +116,7 @@ MISSING: dict[str, tuple[str, Callable[[stp.ClosedChain], Any]]] = {
     "all_forward_kinematics": ("motors", lambda c: stp.loops.all_forward_kinematics(c, [])),
     "attach_payload": ("platform", lambda c: stp.attach_payload(c, PAYLOAD)),
     "classify_singularity": ("platform", lambda c: stp.singularities.classify_singularity(c, c.q_home)),
+    "closed_forms": ("platform", lambda c: stp.dynamics.closed_forms(c)),
     "compare_methods": ("platform", lambda c: stp.compare_methods(c, samples())),
     "compile_kernels": ("platform", lambda c: stp.compile_kernels(c)),
     "find_singularity": (

@@ -13,6 +13,8 @@ from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import LOOP_KINDS, JointKind
 from tests.mechanics.joint_zoo import close, joint_zoo
+from tests.retelling.case import case
+from tests.rewritten import carry_over, recut
 
 WITH_LOOPS = [name for name in stp.robots() if stp.load(name).nc]
 
@@ -148,3 +150,31 @@ def test_open_loops_are_refused(rng: np.random.Generator) -> None:
         stp.dynamics.closed_chain_articulated_body(chain, q, v + 0.1, tau)
     with pytest.raises(InputError, match="tau_motor must have shape"):
         stp.dynamics.closed_chain_articulated_body(chain, q, v, np.zeros(chain.nv))
+
+
+@pytest.mark.parametrize("name", ["delta", "hexapod_rss", "stewart"])
+def test_a_body_without_mass_at_the_end_of_the_tree(name: str) -> None:
+    """A cross that the cut leaves at the end: loops give it the inertia that the open tree has not."""
+    at = case(name)
+    told = recut(at.chain)
+    assert told is not None
+    q, v, _ = carry_over(at.chain, told, at.q, at.v, at.a)
+    one = stp.dynamics.closed_chain_articulated_body(told, q, v, at.tau_motor)
+    two = stp.forward_dynamics(told, q, v, at.tau_motor)
+    # A hundred times what round-off makes of the lightest rod's spin.
+    np.testing.assert_allclose(one.a, two.a, atol=1e-9 * np.abs(two.a).max())
+    np.testing.assert_allclose(one.lambda_c, two.lambda_c, atol=1e-10 * np.abs(two.lambda_c).max())
+
+
+def test_legs_without_mass() -> None:
+    at = case("stewart")
+    light = stp.massless_legs(at.chain)
+    one = stp.dynamics.closed_chain_articulated_body(light, at.q, at.v, at.tau_motor)
+    two = stp.forward_dynamics(light, at.q, at.v, at.tau_motor)
+    np.testing.assert_allclose(one.a, two.a, atol=1e-10 * np.abs(two.a).max())
+
+
+def test_a_spin_without_inertia_is_refused_by_name() -> None:
+    at = case("delta")
+    with pytest.raises(stp.errors.SingularityError, match=r"rod\d._spin.*moves nothing that has inertia"):
+        stp.dynamics.closed_chain_articulated_body(stp.massless_legs(at.chain), at.q, at.v, at.tau_motor)

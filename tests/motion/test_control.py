@@ -226,5 +226,17 @@ def test_wrong_models_are_refused() -> None:
         stp.control.ComputedTorque(chain, composite(chain), model="rigid")
     with pytest.raises(stp.errors.InputError, match="kp"):
         stp.control.LegPID(chain, composite(chain), kp=-1.0)
-    with pytest.raises(stp.errors.UnsupportedError):
-        stp.control.Feedforward(four_bar(), composite(four_bar()), "point_mass")
+
+
+def test_a_point_on_massless_legs_where_no_closed_form_stands_for_the_chain() -> None:
+    """The point-mass model of any platform is that of the chain without other masses."""
+    chain = robot("rpr_planar")
+    at = case("rpr_planar")
+    samples = at.motion(1.0, (0.1,))
+    efforts = stp.control.Feedforward(chain, lambda t: samples, "point_mass")(
+        0.1, chain.q_home, np.zeros(chain.nv)
+    )
+    moved = stp.platform_motion(chain, samples.pose(0), samples.twist[0], samples.acceleration[0])
+    point = stp.massless_legs(chain, point_platform=True)
+    expected = stp.inverse_dynamics(point, moved.q, moved.v, moved.a).tau_motor
+    np.testing.assert_allclose(efforts, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

@@ -10,7 +10,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import ClosureError
-from stewart_pin.motion.leg_formula import leg_formula
+from stewart_pin.mechanics.closed_forms import leg_form
 from stewart_pin.motion.motor_demand import _state_by_state
 from tests.closed_states import close, robot
 
@@ -136,12 +136,12 @@ def test_a_limit_of_zero_is_none(tmp_path) -> None:
 def test_closed_forms_are_taken_only_where_they_agree() -> None:
     """Legs that are not round, on balls, have none: they are answered state by state."""
     chain = stp.load("stewart")
-    assert leg_formula(chain) is not None
+    assert leg_form(chain, "leg_efforts") is not None
     lopsided = stp.build.replace_inertias(
         stp.load("stewart_sps"),
         {"leg1_upper": pin.Inertia(2.0, np.array([0.02, 0.0, -0.2]), np.diag([0.1, 0.1, 0.01]))},
     )
-    assert leg_formula(lopsided) is None
+    assert leg_form(lopsided, "leg_efforts") is None
     still = shaking(lopsided, 0.0, 1.0)(1.0)
     few = stp.motions.PlatformSamples(*(getattr(still, name)[:2] for name in vars(still)))
     found = stp.motor_demand(lopsided, few, kernels=False)

@@ -77,7 +77,9 @@ class Telling:
     exact
         Whether nothing but round-off is lost.
     tolerance
-        Relative size of what is lost in telling: round-off, or the digits that were printed.
+        Relative size of what is lost in telling: round-off; of few digits, what they make of a length.
+    printed_otherwise
+        Of few digits: the same with the last digit of each number up or down as it happens, which an answer moves by.
     """
 
     name: str
@@ -90,6 +92,7 @@ class Telling:
     same_gap: bool = True
     exact: bool = True
     tolerance: float = 1e-9
+    printed_otherwise: tuple[Telling, ...] = ()
 
     @property
     def same_size(self) -> bool:

@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.model.description import Joint, JointKind, Link
@@ -17,7 +19,24 @@ from tests.retelling.telling import ONE, Telling, turn
 from tests.rewritten import carry_over, recut
 
 
-def _save(chain: stp.ClosedChain, folder: Path, format: str = "urdf+", digits: int | None = None) -> Path:
+def _rounded(x: float, digits: int, rng: np.random.Generator | None) -> str:
+    """Print a number with so many digits, rounded to the nearest; up or down as it happens."""
+    if rng is None or x == 0.0:
+        return f"{x:.{digits}g}"
+    unit = 10.0 ** (np.floor(np.log10(abs(x))) + 1 - digits)
+    kept = round(x / unit)
+    if abs(x / unit - kept) > 1e-6:  # else printed as it is
+        kept = int(np.floor(x / unit)) + int(rng.integers(2))
+    return f"{kept * unit:.{digits}g}"
+
+
+def _save(
+    chain: stp.ClosedChain,
+    folder: Path,
+    format: str = "urdf+",
+    digits: int | None = None,
+    rng: np.random.Generator | None = None,
+) -> Path:
     """Write a chain in a format, its numbers with so many digits."""
     path = folder / (f"{chain.name}.xml" if format == "mjcf" else f"{chain.name}.urdf")
     stp.export(chain, path, format=format)
@@ -25,7 +44,7 @@ def _save(chain: stp.ClosedChain, folder: Path, format: str = "urdf+", digits: i
         number = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
         text = re.sub(
             r'(?<!name)(?<!link)="([^"]*)"',
-            lambda m: '="' + number.sub(lambda n: f"{float(n[0]):.{digits}g}", m[1]) + '"',
+            lambda m: '="' + number.sub(lambda n: _rounded(float(n[0]), digits, rng), m[1]) + '"',
             path.read_text(encoding="utf-8"),
         )
         path.write_text(text, encoding="utf-8")
@@ -80,6 +99,10 @@ def _by_balls(name: str, plain: stp.ClosedChain, folder: Path) -> Telling | None
     return Telling(name, plain, stp.load(_save(stp.build.loops_by_balls(plain), folder)), same_rows=False)
 
 
+_OTHERWISE = 3
+"""Times that numbers are printed with the last digit up or down as it happens, to see what digits do to answers."""
+
+
 @dataclass(frozen=True)
 class _Written:
     """Everything told otherwise, or nothing, in another format or with fewer digits."""
@@ -91,20 +114,21 @@ class _Written:
     def __call__(self, name: str, plain: stp.ClosedChain, folder: Path) -> Telling | None:
         # MuJoCo has no hinge as a loop: two balls stand for it.
         more: dict[str, Any] = {"same_rows": self.format != "mjcf"}
+        change = all_at_once(plain) if self.changed else Change()
+        written = lambda rng: by_change(  # noqa: E731 - a file
+            name,
+            plain,
+            change,
+            folder,
+            partial(_save, format=self.format, digits=self.digits, rng=rng),
+            **more,
+        )
         if self.digits is not None:
-            # A number keeps half a unit of its last digit; elimination multiplies that by condition numbers near 100,
-            # and planar loops are moved by as much again until they close.
-            more["exact"] = False
-            more["tolerance"] = 400 * 0.5 * 10.0 ** (1 - self.digits)
+            # A length that many numbers make up, in units of its last digit.
+            more |= {"exact": False, "tolerance": 10 * 10.0 ** (1 - self.digits)}
+            more["printed_otherwise"] = tuple(written(np.random.default_rng(k)) for k in range(_OTHERWISE))
         try:
-            return by_change(
-                name,
-                plain,
-                all_at_once(plain) if self.changed else Change(),
-                folder,
-                partial(_save, format=self.format, digits=self.digits),
-                **more,
-            )
+            return written(None)
         except stp.errors.UnsupportedError:
             return None
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -15,53 +14,22 @@ from tests.retelling.telling import Telling
 from tests.retelling.tellings import TELLINGS, tell
 from tests.retelling.verbs.everything import KINDS, QUESTIONS, Answers, Sized, Verb
 
-_FEW = "all at once with six digits"
-_POINTS = "the closed form needs axes that meet to nine digits"
-
-
-def _few_digits(t: Telling) -> bool:
-    """Tell whether the axes of legs miss their points by more than the closed forms take."""
-    return t.name == _FEW or (t.plain.name == "stewart_cad" and t.name == "all at once with nine digits")
-
-
-REFUSED: dict[str, tuple[Callable[[Telling], bool], str]] = {
-    "hexapod": (_few_digits, _POINTS),
-    "control_by_a_point": (_few_digits, _POINTS),
-    "assembly_modes": (_few_digits, _POINTS),
-    "rotary_legs": (
-        lambda t: t.name == _FEW or (t.plain.name == "delta" and t.name == "six digits"),
-        _POINTS,
-    ),
-    "hexapod_bodies": (lambda t: t.turned_base, "the closed form of legs turns them about base x"),
-    "planar_rpr": (
-        lambda t: (
-            t.turned_base
-            or bool((t.signs < 0).any() or t.zeros.any())
-            or (t.joint_by_joint and not t.same_rows)
-        ),
-        "the closed form takes leg lengths in the plane xy of the world, and hinges; it says so where motors read "
-        "another number, or two balls stand for a hinge",
-    ),
-    "articulated_bodies": (
-        lambda t: t.plain.name in ("delta", "hexapod_rss") and t.name == "cut elsewhere",
-        "the method needs inertia beyond every joint of the tree; here a cross without mass is the last body",
-    ),
-}
-"""What is refused when told so, and asked for elsewhere: for a stated reason, with an error that names it."""
-
 ALIKE = ("stewart_cad", "stewart_s1")
 """Robots that differ from `stewart` by their numbers only."""
 
 
-IDLE_SPINS = [
-    ("stewart_sps", telling)
-    for telling in ("cut elsewhere", "all at once with six digits", "all at once with nine digits")
-]
-IDLE = pytest.mark.xfail(
-    strict=True,
-    reason="joint_motor_map and fits of legs that may spin depend on where loops are cut; with few digits "
-    "closed forms, polytopes and vibrations refuse them",
-)
+OTHERWISE: dict[tuple[str, str], frozenset[str]] = {
+    ("stewart_sps", "cut elsewhere"): frozenset({"closed_forms", "compare_methods", "fit_to_limits"}),
+}
+"""Questions that are answered otherwise, all of them and no more: the least motion of a leg that may spin is counted
+over the joints of the tree, so that its spin rate, and with it a gyroscopic moment of 7e-6 of the efforts, depends on
+the cut."""
+
+
+_SPREAD = 10.0
+"""Times that few digits may move an answer of what they moved it at most in three tellings with the last digit rounded
+up or down. Those errors are twice the ones of the nearest digit; of normal variables one in ten thousand goes beyond.
+"""
 
 
 def answer(verb: Verb, telling: Telling) -> Answers | str:
@@ -78,29 +46,49 @@ def plainly(robot: str, question: str) -> Answers | str:
     return answer(QUESTIONS[question], Telling("plain", chain, chain))
 
 
-def disagreement(one: Answers | str, two: Answers | str, tolerance: float) -> str:
-    """Say where two answers differ by more than a part of their size; empty where they agree."""
+def disagreement(
+    one: Answers | str, two: Answers | str, tolerance: float, printed: tuple[Answers | str, ...] = ()
+) -> str:
+    """Say where two answers differ by more than a part of their size; empty where they agree.
+
+    With few digits by more than answers move that are asked of the same digits rounded up or down as it happens.
+    """
+    if two == {}:
+        return ""  # not asked: there are no words for it in this telling
     if isinstance(one, str) or isinstance(two, str):
         return "" if one == two else f"{_said(one)} and {_said(two)}"
     for name in one.keys() & two.keys():
-        first, second = one[name], two[name]
-        size = 0.0
-        if isinstance(first, Sized):
-            first, second, size = first.value, second.value, first.size
-        first, second = np.asarray(first), np.asarray(second)
-        if first.shape != second.shape:
-            return f"{name}: shapes {first.shape} and {second.shape}"
-        if first.dtype.kind in "biU":
-            if (first != second).any():
-                return f"{name}: {first} and {second}"
-            continue
-        size = max(size, float(np.abs(first[np.isfinite(first)]).max(initial=0.0)))
-        same = (first == second) | (np.isnan(first) & np.isnan(second))  # infinite, or out of reach
-        first, second = np.where(same, 0.0, first), np.where(same, 0.0, second)
-        error = float(np.abs(first - second).max(initial=0.0))
-        if not error <= tolerance * size:
-            return f"{name}: {error / (size or 1):.2g}"
+        error, text = _difference(one[name], two[name])
+        allowed = tolerance
+        if printed:
+            moved = [
+                _difference(one[name], other[name])[0]
+                for other in printed
+                if not isinstance(other, str) and name in other
+            ]
+            allowed = max([1e-9, *(_SPREAD * by for by in moved if np.isfinite(by))])
+        if not error <= allowed:
+            return f"{name}: {text or f'{error:.2g}'}" + (
+                f", digits move it by {allowed:.2g}" if printed else ""
+            )
     return ""
+
+
+def _difference(first: object, second: object) -> tuple[float, str]:
+    """Largest difference of two answers as a share of their size; infinite, with words, where they are incomparable."""
+    size = 0.0
+    if isinstance(first, Sized) and isinstance(second, Sized):
+        first, second, size = first.value, second.value, first.size
+    first, second = np.asarray(first), np.asarray(second)
+    if first.shape != second.shape:
+        return np.inf, f"shapes {first.shape} and {second.shape}"
+    if first.dtype.kind in "biU":
+        return (np.inf, f"{first} and {second}") if (first != second).any() else (0.0, "")
+    size = max(size, float(np.abs(first[np.isfinite(first)]).max(initial=0.0)))
+    same = (first == second) | (np.isnan(first) & np.isnan(second))  # infinite, or out of reach
+    first, second = np.where(same, 0.0, first), np.where(same, 0.0, second)
+    error = float(np.abs(first - second).max(initial=0.0))
+    return (error / size if size else np.inf if error else 0.0), ""
 
 
 def _said(answers: Answers | str) -> str:
@@ -112,11 +100,8 @@ def disagreements(told: Telling, questions: list[str]) -> dict[str, str]:
     found: dict[str, str] = {}
     for question in questions:
         first, second = plainly(told.plain.name, question), answer(QUESTIONS[question], told)
-        text = disagreement(first, second, told.tolerance)
-        applies, reason = REFUSED.get(question, (lambda t: False, ""))
-        if applies(told) and not isinstance(first, str):
-            refused = second in ("UnsupportedError", "SingularityError")
-            text = "" if refused else f"is not refused: {reason}"
+        printed = tuple(answer(QUESTIONS[question], other) for other in told.printed_otherwise)
+        text = disagreement(first, second, told.tolerance, printed)
         if text:
             found[question] = text
     return found
@@ -125,7 +110,7 @@ def disagreements(told: Telling, questions: list[str]) -> dict[str, str]:
 def told_robots() -> list[object]:
     """All robots and tellings; other hexapods of the same build as `stewart` in those that hold all the others."""
     return [
-        pytest.param(robot, telling, marks=[IDLE] if (robot, telling) in IDLE_SPINS else [])
+        (robot, telling)
         for robot in stp.robots()
         for telling in TELLINGS
         if robot not in ALIKE or telling.startswith(("all at once", "base", "cut"))
@@ -141,7 +126,7 @@ def tell_or_skip(robot: str, telling: str, folder: Path) -> Telling:
 
 @pytest.mark.parametrize(
     ("robot", "telling"),
-    [("four_bar", t) for t in TELLINGS if not t.startswith("all at once with")]
+    [("four_bar", t) for t in TELLINGS if not t.startswith("all at once with") and t != "six digits"]
     + [("five_bar", "hinges as balls"), ("stewart", "all at once"), ("stewart", "cut elsewhere")],
 )
 def test_a_few_answers(robot: str, telling: str, tmp_path: Path) -> None:
@@ -153,7 +138,8 @@ def test_a_few_answers(robot: str, telling: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("robot", "telling"), told_robots())
 def test_every_answer(robot: str, telling: str, tmp_path: Path) -> None:
     told = tell_or_skip(robot, telling, tmp_path)
-    assert disagreements(told, [name for name, kind in KINDS.items() if kind != "compiled"]) == {}
+    found = disagreements(told, [name for name, kind in KINDS.items() if kind != "compiled"])
+    assert set(found) == OTHERWISE.get((robot, telling), frozenset()), found
 
 
 @pytest.mark.slow

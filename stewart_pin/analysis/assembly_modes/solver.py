@@ -12,8 +12,10 @@ References
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 
 from stewart_pin.analysis.assembly_modes.certificates import certify
 from stewart_pin.analysis.assembly_modes.dimension import lies_on_curve
@@ -26,6 +28,13 @@ from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths, require_hexapod
 from stewart_pin.geometry.hexapod_pose import as_leg_lengths
+from stewart_pin.mechanics.closed_forms import leg_form
+from stewart_pin.mechanics.kinematics import (
+    forward_kinematics,
+    inverse_kinematics,
+    motor_positions,
+    platform_pose,
+)
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -54,7 +63,9 @@ def assembly_modes(
     Returns
     -------
     AssemblyModes
-        Look at ``complete`` before relying on the number of poses.
+        Look at ``complete`` before relying on the number of poses. Where no closed form stands for the chain
+        (`closed_forms`), as with axes that miss each other by printed digits, each pose is taken up by
+        `forward_kinematics` of the chain, and proven for none.
 
     Examples
     --------
@@ -64,14 +75,20 @@ def assembly_modes(
     >>> modes.n_complex, modes.complete, bool(modes.certified.all())
     (40, True, True)
     """
+    chain = hexapod if isinstance(hexapod, ClosedChain) else None
+    readings = lengths
     if isinstance(hexapod, ClosedChain):
         sign, offset = hexapod.leg_readings
-        lengths = offset + sign * as_array("lengths", lengths, (hexapod.nu,))
+        readings = as_array("lengths", lengths, (hexapod.nu,))
+        lengths = offset + sign * readings
         hexapod = Hexapod.from_chain(hexapod)
     require_hexapod(hexapod)
     checked = as_leg_lengths(lengths, (6,))
     scaling = Scaling.of(hexapod, checked)
-    return _solve(hexapod, checked, scaling, start_systems(), tracker_for(engine))
+    found = _solve(hexapod, checked, scaling, start_systems(), tracker_for(engine))
+    if chain is not None and leg_form(chain, "leg_lengths") is None:
+        return _on_chain(chain, np.asarray(readings), found)
+    return found
 
 
 class AssemblySolver:
@@ -193,6 +210,24 @@ def _solve(
         found.expected,
         found.failed,
         found.searches,
+    )
+
+
+def _on_chain(chain: ClosedChain, readings: FloatArray, found: AssemblyModes) -> AssemblyModes:
+    """Take poses of legs that are nearly the chain's up by the chain itself."""
+    position, rotation, residual = found.position.copy(), found.rotation.copy(), np.full(len(found), np.inf)
+    for k in range(len(found)):
+        near = inverse_kinematics(chain, pin.SE3(rotation[k], position[k]), limits=False, throw=False)
+        closure = forward_kinematics(chain, readings, q_guess=near.q, limits=False, throw=False)
+        pose = platform_pose(chain, closure.q)
+        position[k], rotation[k] = pose.translation, pose.rotation
+        residual[k] = np.abs(motor_positions(chain, closure.q) - readings).max(initial=closure.gap)
+    return replace(
+        found,
+        position=position,
+        rotation=rotation,
+        residual=residual,
+        certified=np.zeros(len(found), dtype=bool),
     )
 
 

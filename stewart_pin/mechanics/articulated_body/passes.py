@@ -102,6 +102,38 @@ def first_pass(bodies: Sequence[Body], q: Configuration, v: Tangent, base_veloci
     return BodyMotion(to_parent, to_base, velocity, product, bias)
 
 
+def without_inertia(bodies: Sequence[Body], rotors: FloatArray, to_parent: FloatArray) -> list[int]:
+    """Find the joints that move nothing with inertia while the loops are open.
+
+    Parameters
+    ----------
+    bodies
+        Bodies, parents first.
+    rotors
+        (nv,) inertia that each joint rate has of its own, Pinocchio's armature [kg m², kg].
+    to_parent
+        (n, 6, 6) transforms ⁱX_λ(i) of motion vectors [1 and m].
+
+    Returns
+    -------
+    list of int
+        Their numbers in the tangent.
+    """
+    articulated = np.array([body.inertia for body in bodies])
+    found: list[int] = []
+    for i in range(len(bodies) - 1, 0, -1):
+        body, x = bodies[i], to_parent[i]
+        u_matrix = articulated[i] @ body.subspace
+        apparent = body.subspace.T @ u_matrix + np.diag(rotors[body.v_index])
+        handed_on = articulated[i]
+        if apparent.size and _least(apparent) <= _NO_INERTIA * np.abs(articulated[i]).max():
+            found += np.arange(len(rotors))[body.v_index].tolist()
+        elif apparent.size:
+            handed_on = handed_on - u_matrix @ np.linalg.inv(apparent) @ u_matrix.T
+        articulated[body.parent] += x.T @ handed_on @ x
+    return sorted(found)
+
+
 def respond(
     bodies: Sequence[Body],
     rotors: FloatArray,
@@ -176,7 +208,7 @@ def _inverse(body: Body, apparent: FloatArray, articulated: FloatArray) -> Float
     """Invert D, the apparent inertia of a joint; refuse where nothing with inertia moves."""
     if not apparent.size:
         return apparent
-    least = float(apparent[0, 0]) if apparent.size == 1 else float(np.linalg.eigvalsh(apparent)[0])
+    least = _least(apparent)
     if least <= _NO_INERTIA * np.abs(articulated).max():
         name = "" if body.joint is None else body.joint.name
         raise SingularityError(
@@ -186,3 +218,7 @@ def _inverse(body: Body, apparent: FloatArray, articulated: FloatArray) -> Float
             names=(name,),
         )
     return 1.0 / apparent if apparent.size == 1 else np.linalg.inv(apparent)
+
+
+def _least(apparent: FloatArray) -> float:
+    return float(apparent[0, 0]) if apparent.size == 1 else float(np.linalg.eigvalsh(apparent)[0])

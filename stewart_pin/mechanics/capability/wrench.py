@@ -8,6 +8,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.mechanics.capability.enumeration import image_of_limits
 from stewart_pin.mechanics.capability.platform_space import motor_limits, platform_space
 from stewart_pin.mechanics.capability.polytope import Polytope
+from stewart_pin.mechanics.resting import hangs
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
 from stewart_pin.state.state import State, as_state
@@ -78,7 +79,7 @@ def wrench_polytope(
     weight = -freedom.motions[chain.motor_index].T @ middle
     if gravity:
         weight = weight + freedom.motions.T @ state.weight
-    held, efforts = _inner_balance(space.share, motors, weight)
+    held, efforts = _inner_balance(state, space.share, motors, weight)
     to_platform = np.linalg.pinv(space.share.T)
     names = tuple(
         (f"{m} at {a:+.6g}", f"{m} at {b:+.6g}") for m, (a, b) in zip(chain.motors, ends, strict=True)
@@ -93,7 +94,7 @@ def wrench_polytope(
 
 
 def _inner_balance(
-    share: FloatArray, motors: FloatArray, weight: FloatArray
+    state: State, share: FloatArray, motors: FloatArray, weight: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Keep the motions that leave the platform at rest (a redundant arm's, an idle spin) in balance for themselves.
 
@@ -106,9 +107,11 @@ def _inner_balance(
     rank = int(np.count_nonzero(s > _DRIVEN * np.linalg.norm(motors, 2)))
     needed = inner.T @ weight
     held = vt[:rank].T @ ((u[:, :rank].T @ needed) / s[:rank])
-    left = float(np.abs(inner.T @ motors @ held - needed).max(initial=0.0))
-    if left > _AT_REST * max(1.0, float(np.abs(weight).max())):
+    left = inner.T @ motors @ held - needed
+    largest = float(np.abs(left).max(initial=0.0))
+    round_off = largest <= _AT_REST * max(1.0, float(np.abs(weight).max()))
+    if not round_off and not hangs(state, state.freedom.motions @ inner, left):
         raise UnsupportedError(
-            f"the robot cannot rest here: {left:.3g} N or N m of its weight loads a motion that no motor drives"
+            f"the robot cannot rest here: {largest:.3g} N or N m of its weight loads a motion that no motor drives"
         )
     return held, vt[rank:].T

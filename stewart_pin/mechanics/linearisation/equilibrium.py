@@ -17,8 +17,10 @@ from stewart_pin.errors import InputError
 from stewart_pin.mechanics.forward_dynamics import forward_dynamics
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.linearisation.derivatives import forward_dynamics_derivatives
+from stewart_pin.mechanics.resting import hangs
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State, as_state
+from stewart_pin.tolerances import NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _AT_REST = 1e-6
@@ -94,7 +96,7 @@ def linearise(
     chain = state.chain
     needed = inverse_dynamics(state)
     tau = needed.tau_motor if tau_motor is None else as_array("tau_motor", tau_motor, (chain.nu,))
-    left = forward_dynamics(state, tau_motor=tau).a / chain.tangent_scale
+    left = _without_hanging(state, forward_dynamics(state, tau_motor=tau).a) / chain.tangent_scale
     if np.abs(left).max(initial=0.0) > _AT_REST * max(1.0, float(np.linalg.norm(chain.gravity))):
         worst = int(np.argmax(np.abs(left)))
         raise InputError(
@@ -112,6 +114,18 @@ def linearise(
     A[n:, :n] = coordinates @ slopes.a_q @ motions
     B = np.vstack([np.zeros((n, chain.nu)), coordinates @ slopes.a_tau])
     return LinearSystem(A, B, motions, names, state.q, tau)
+
+
+def _without_hanging(state: State, a: FloatArray) -> FloatArray:
+    """Leave out the acceleration of idle freedoms that is due to printed digits."""
+    idle = state.freedom.idle
+    if not idle.shape[1]:
+        return a
+    moments = idle.T @ state.M @ idle
+    loads = idle.T @ (state.M @ a)
+    if not hangs(state, idle, loads):
+        return a
+    return a - idle @ np.linalg.lstsq(moments, loads, rcond=NO_INERTIA)[0]
 
 
 def coordinate_motions(state: State) -> tuple[FloatArray, tuple[str, ...]]:

@@ -8,7 +8,7 @@ import pinocchio as pin
 import stewart_pin as stp
 from tests.retelling.case import Case
 from tests.retelling.telling import Telling
-from tests.retelling.verbs.asking import Answers, asks
+from tests.retelling.verbs.asking import Answers, Sized, asks
 
 
 @asks("velocity_polytope", "wrench_polytope", kind="slow")
@@ -41,17 +41,50 @@ def assembly_modes(t: Telling, c: Case) -> Answers:
     return answers | ({"complex": found.n_complex} if t.exact else {})
 
 
+@asks("sample_workspace", kind="slow")
+def sample_workspace(t: Telling, c: Case) -> Answers:
+    """Ask it in a world that stands as before: the grid goes along its axes."""
+    if (t.world.rotation != np.eye(3)).any():
+        return {}
+    rotation = stp.platform_pose(c.chain, c.chain.q_home).rotation
+    found = stp.workspaces.sample_workspace(t.chain, rotation, spacing=c.chain.length_scale)
+    answers: Answers = {"length": found.length, "clearance": found.clearance.max(initial=0.0)}
+    if t.exact:  # few digits put points on either side of a boundary
+        answers |= {"volume": found.volume, "pieces": found.pieces, "points": len(found.position)}
+    return answers | {"best": found.dexterity.max(initial=0.0)}
+
+
 @asks("hexapod_bodies")
 def hexapod_bodies(t: Telling, c: Case) -> Answers:
     found = stp.hexapods.hexapod_bodies(t.chain)
     answers: Answers = {"joint": found.lower_joint == "universal"}
     lower, upper = (part if isinstance(part, tuple) else (part,) * 6 for part in (found.lower, found.upper))
+    # An axis has two senses: what is measured along x and y of a leg changes sign with it.
+    axes = t.twists(found.first_axes)[t.order]
+    plain = np.asarray(stp.hexapods.hexapod_bodies(c.chain).first_axes)
+    senses = np.sign(np.einsum("ij,ij->i", axes, plain))
+    answers["first axes"] = senses[:, None] * axes
     legs = [(lower[k], upper[k]) for k in t.order]
-    for name, parts in (("platform", [(found.platform,)]), ("legs", legs)):
-        answers[f"{name}: mass"] = np.array([[body.mass for body in bodies] for bodies in parts])
-        answers[f"{name}: com"] = np.array([[body.com for body in bodies] for bodies in parts])
-        answers[f"{name}: inertia"] = np.array([[body.inertia for body in bodies] for bodies in parts])
+    for name, parts, turns in (("platform", [(found.platform,)], [1.0]), ("legs", legs, senses)):
+        turned = [np.diag([sense, sense, 1.0]) for sense in turns]
+        pairs = list(zip(parts, turned, strict=True))
+        answers[f"{name}: mass"] = np.array([[body.mass for body in bodies] for bodies, _ in pairs])
+        answers[f"{name}: com"] = np.array([[R @ body.com for body in bodies] for bodies, R in pairs])
+        answers[f"{name}: inertia"] = np.array(
+            [[R @ body.inertia @ R for body in bodies] for bodies, R in pairs]
+        )
     return answers
+
+
+@asks("closed_forms")
+def closed_forms(t: Telling, c: Case) -> Answers:
+    """Few digits bend the axes of legs by more than a closed form may differ; what it differs by is the digits'.
+
+    Rods that few digits leave round no more have a spin of their own, and no closed form on balls.
+    """
+    found = stp.dynamics.closed_forms(t.chain)
+    admitted: Answers = {f"{form.form} admitted": form.admitted for form in found} if t.exact else {}
+    return admitted | {form.form: Sized(form.miss, 1.0) for form in found if np.isfinite(form.miss)}
 
 
 @asks("Hexapod.from_chain")
@@ -67,9 +100,12 @@ def hexapod(t: Telling, c: Case) -> Answers:
 @asks("planar_rpr")
 def planar_rpr(t: Telling, c: Case) -> Answers:
     found = stp.planar.planar_rpr(t.chain)
-    back = t.world.inverse()
-    anchors = np.array([back * np.append(p, 0.0) for p in found.anchors])
-    return {"anchors": anchors[t.order], "corners": found.corners[t.order]}
+    plane, back = pin.SE3(np.asarray(found.plane)), t.world.inverse()
+    anchors = np.array([back * (plane * np.append(p, 0.0)) for p in found.anchors])
+    corners = np.array([found.turned @ np.append(p, 0.0) for p in found.corners])
+    sign, offset = t.chain.leg_readings
+    home = offset + sign * t.state(c.near)[0][t.chain.motor_q_index]
+    return {"anchors": anchors[t.order], "corners": corners[t.order], "lengths": home[t.order]}
 
 
 @asks("rotary_legs")

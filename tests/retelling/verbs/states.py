@@ -170,11 +170,11 @@ def operational_dynamics(t: Telling, c: Case) -> Answers:
 
 @asks("joint_motor_map")
 def joint_motor_map(t: Telling, c: Case) -> Answers:
-    if not t.joint_by_joint:
-        return {}
     q, v, _ = t.state(c.q, c.v)
-    # Joints of one freedom have a rate of their own in every telling.
+    # Joints of one freedom have a rate of their own in every telling; those that are cut have none.
     names = [j.name for j in c.chain.mechanism.joints if j.has_axis][:3]
+    if not all(t.chain.model.existJointName(name) for name in names):
+        return {}
     found = stp.dynamics.joint_motor_map(t.chain, q, names, v)
     signs = np.array([t.joints[name].sign if name in t.joints else 1.0 for name in names])
     answers = {"J": signs[:, None] * t.motors(found.J), "bias": signs * found.bias}
