@@ -40,7 +40,7 @@ def planar_rpr(chain: ClosedChain) -> PlanarRPR:
     >>> chain = stp.load("rpr_planar")
     >>> sign, offset = chain.leg_readings
     >>> lengths = offset + sign * stp.motor_positions(chain, chain.q_home)
-    >>> len(stp.planar_assembly_modes(stp.planar_rpr(chain), lengths))
+    >>> len(stp.planar_assembly_modes(stp.planar.planar_rpr(chain), lengths))
     4
     """
     graph = BodyGraph(chain)

@@ -177,7 +177,7 @@ def closed_forms(chain: ClosedChain) -> tuple[Admission, ...]:
     Examples
     --------
     >>> import stewart_pin as stp
-    >>> [found.form for found in stp.closed_forms(stp.load("stewart")) if found.admitted]
+    >>> [found.form for found in stp.dynamics.closed_forms(stp.load("stewart")) if found.admitted]
     ['leg_lengths', 'leg_efforts', 'point_mass']
     """
     chain.platform_link  # noqa: B018 - raises

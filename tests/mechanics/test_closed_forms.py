@@ -28,7 +28,7 @@ FORMS = {
 
 
 def admitted(chain: stp.ClosedChain) -> set[str]:
-    return {found.form for found in stp.closed_forms(chain) if found.admitted}
+    return {found.form for found in stp.dynamics.closed_forms(chain) if found.admitted}
 
 
 @pytest.mark.parametrize("name", FORMS)
@@ -46,12 +46,12 @@ def test_forms_of_a_chain_told_otherwise(name: str, telling: str) -> None:
 
 def swaying(
     chain: stp.ClosedChain, scale: float = 1.0, times: np.ndarray | None = None
-) -> stp.PlatformSamples:
+) -> stp.motions.PlatformSamples:
     times = np.linspace(0, 1, 3) if times is None else times
     if chain.nu > 6:
         home = stp.platform_pose(chain, chain.q_home)
         amplitude = 0.01 * scale * np.array([1.0, 0.5, 2.0])
-        return stp.sinusoidal_motion(times, home=home, amplitude=amplitude, frequency=(1, 1.1, 1.2))
+        return stp.motions.sinusoidal_motion(times, home=home, amplitude=amplitude, frequency=(1, 1.1, 1.2))
     home = stp.motor_positions(chain, chain.q_home)
     size = 0.01 * scale * chain.tangent_scale[chain.motor_index]
     return sway(chain, home, size, 1 + 0.1 * np.arange(chain.nu), times)
@@ -97,7 +97,7 @@ def eight_legs() -> stp.ClosedChain:
 
 def lopsided() -> stp.ClosedChain:
     rod = pin.Inertia(2.0, np.array([0.02, 0.0, -0.2]), np.diag([0.1, 0.1, 0.01]))
-    return stp.replace_inertias(robot("stewart_sps"), {"leg1_upper": rod})
+    return stp.build.replace_inertias(robot("stewart_sps"), {"leg1_upper": rod})
 
 
 OTHERS = pytest.mark.parametrize(
@@ -148,11 +148,13 @@ def test_no_verb_refuses_what_another_can_do(make) -> None:
     rest = np.zeros(chain.nv)
     at = swaying(chain, times=np.array([0.3]))
     asked = stp.motor_demand(chain, at)
-    pid = stp.LegPID(chain, reference, kp=1.0, kd=0.0)(0.3, chain.q_home, rest)
+    pid = stp.control.LegPID(chain, reference, kp=1.0, kd=0.0)(0.3, chain.q_home, rest)
     np.testing.assert_allclose(pid, asked.positions[0] - chain.q_home[chain.motor_q_index], atol=1e-11)
     for model in ("full", "point_mass"):
-        assert np.isfinite(stp.Feedforward(chain, reference, model)(0.3, chain.q_home, rest)).all()
-        assert np.isfinite(stp.ComputedTorque(chain, reference, model=model)(0.3, chain.q_home, rest)).all()
+        assert np.isfinite(stp.control.Feedforward(chain, reference, model)(0.3, chain.q_home, rest)).all()
+        assert np.isfinite(
+            stp.control.ComputedTorque(chain, reference, model=model)(0.3, chain.q_home, rest)
+        ).all()
     assert stp.fit_to_limits(chain, lambda scale: swaying(chain, scale)).scale == 1.0
 
 
@@ -179,7 +181,7 @@ def test_a_reading_that_is_wrong_costs_the_shortcut_not_the_answer(monkeypatch: 
     compared = stp.compare_methods(fresh, swaying(fresh), kernels=False)
     assert "closed_form" not in compared.forces
     efforts = [
-        stp.LegPID(c, lambda t: swaying(chain, times=t))(0.3, c.q_home, np.zeros(c.nv))
+        stp.control.LegPID(c, lambda t: swaying(chain, times=t))(0.3, c.q_home, np.zeros(c.nv))
         for c in (chain, fresh)
     ]
     np.testing.assert_allclose(efforts[1], efforts[0], atol=1e-9 * np.abs(efforts[0]).max())
@@ -202,7 +204,7 @@ def test_workspace_and_modes_of_legs_that_no_closed_form_stands_for() -> None:
     refused = closed_forms.Admission("leg_lengths", False, np.inf, "for the test", None)
     other.found["leg_lengths"] = refused
     spacing = 1.3 * chain.length_scale
-    one, two = (stp.sample_workspace(c, np.eye(3), spacing=spacing) for c in (chain, other))
+    one, two = (stp.workspaces.sample_workspace(c, np.eye(3), spacing=spacing) for c in (chain, other))
     np.testing.assert_array_equal(two.inside, one.inside)
     np.testing.assert_allclose(two.clearance, one.clearance, atol=1e-11)
     np.testing.assert_allclose(two.dexterity, one.dexterity, atol=1e-9)

@@ -16,7 +16,7 @@ def beside(offset: float) -> stp.ClosedChain:
     body = chain.mechanism.link("leg1_upper").inertia
     assert body is not None
     moved = pin.Inertia(body.mass, body.lever + np.array([offset, 0.5 * offset, 0]), body.inertia)
-    return stp.replace_inertias(chain, {"leg1_upper": moved})
+    return stp.build.replace_inertias(chain, {"leg1_upper": moved})
 
 
 def test_sixth_digit_of_a_rod_that_may_spin() -> None:
@@ -25,8 +25,12 @@ def test_sixth_digit_of_a_rod_that_may_spin() -> None:
     np.testing.assert_allclose(two[-6:], one[-6:], rtol=1e-5)
     one, two = (stp.linearise(c, c.q_home) for c in (plain, told))
     assert one.names == two.names
-    one, two = (stp.wrench_polytope(c, c.q_home, effort_limit=500.0, gravity=True) for c in (plain, told))
-    assert stp.inscribed_ball(two).radius == pytest.approx(stp.inscribed_ball(one).radius, rel=1e-5)
+    one, two = (
+        stp.polytopes.wrench_polytope(c, c.q_home, effort_limit=500.0, gravity=True) for c in (plain, told)
+    )
+    assert stp.polytopes.inscribed_ball(two).radius == pytest.approx(
+        stp.polytopes.inscribed_ball(one).radius, rel=1e-5
+    )
 
 
 def test_a_rod_that_leans_is_refused() -> None:
@@ -34,4 +38,4 @@ def test_a_rod_that_leans_is_refused() -> None:
     with pytest.raises(stp.errors.InputError, match="no equilibrium"):
         stp.linearise(leaning, leaning.q_home)
     with pytest.raises(stp.errors.UnsupportedError, match="cannot rest here"):
-        stp.wrench_polytope(leaning, leaning.q_home, effort_limit=500.0, gravity=True)
+        stp.polytopes.wrench_polytope(leaning, leaning.q_home, effort_limit=500.0, gravity=True)

@@ -17,17 +17,17 @@ def polytopes(t: Telling, c: Case) -> Answers:
         return {}
     q, rng, L = t.state(c.near)[0], np.random.default_rng(5), c.chain.length_scale
     answers: Answers = {}
-    moves = c.chain.at(c.near).P @ stp.motion_map(c.chain, c.near).G
+    moves = c.chain.at(c.near).P @ stp.dynamics.motion_map(c.chain, c.near).G
     limit = t.sizes(1.0 + 0.2 * np.arange(c.chain.nu))
     for name, found in (
-        ("velocity", stp.velocity_polytope(t.chain, q, rate_limit=limit)),
-        ("wrench", stp.wrench_polytope(t.chain, q, effort_limit=c.effort * limit, gravity=True)),
+        ("velocity", stp.polytopes.velocity_polytope(t.chain, q, rate_limit=limit)),
+        ("wrench", stp.polytopes.wrench_polytope(t.chain, q, effort_limit=c.effort * limit, gravity=True)),
     ):
-        answers[f"{name} ball"] = stp.inscribed_ball(found).radius
+        answers[f"{name} ball"] = stp.polytopes.inscribed_ball(found).radius
         if found.vertices.shape[1] == 6:
             along = moves @ rng.normal(size=(c.chain.nu, 4))
             along = along / np.where(np.arange(6) < 3, L, 1.0)[:, None]
-            answers[name] = np.array([stp.polytope_support(found, t.turned(x)) for x in along.T])
+            answers[name] = np.array([stp.polytopes.polytope_support(found, t.turned(x)) for x in along.T])
     return answers
 
 
@@ -47,7 +47,7 @@ def sample_workspace(t: Telling, c: Case) -> Answers:
     if (t.world.rotation != np.eye(3)).any():
         return {}
     rotation = stp.platform_pose(c.chain, c.chain.q_home).rotation
-    found = stp.sample_workspace(t.chain, rotation, spacing=c.chain.length_scale)
+    found = stp.workspaces.sample_workspace(t.chain, rotation, spacing=c.chain.length_scale)
     answers: Answers = {"length": found.length, "clearance": found.clearance.max(initial=0.0)}
     if t.exact:  # few digits put points on either side of a boundary
         answers |= {"volume": found.volume, "pieces": found.pieces, "points": len(found.position)}
@@ -56,12 +56,12 @@ def sample_workspace(t: Telling, c: Case) -> Answers:
 
 @asks("hexapod_bodies")
 def hexapod_bodies(t: Telling, c: Case) -> Answers:
-    found = stp.hexapod_bodies(t.chain)
+    found = stp.hexapods.hexapod_bodies(t.chain)
     answers: Answers = {"joint": found.lower_joint == "universal"}
     lower, upper = (part if isinstance(part, tuple) else (part,) * 6 for part in (found.lower, found.upper))
     # An axis has two senses: what is measured along x and y of a leg changes sign with it.
     axes = t.twists(found.first_axes)[t.order]
-    plain = np.asarray(stp.hexapod_bodies(c.chain).first_axes)
+    plain = np.asarray(stp.hexapods.hexapod_bodies(c.chain).first_axes)
     senses = np.sign(np.einsum("ij,ij->i", axes, plain))
     answers["first axes"] = senses[:, None] * axes
     legs = [(lower[k], upper[k]) for k in t.order]
@@ -82,7 +82,7 @@ def closed_forms(t: Telling, c: Case) -> Answers:
 
     Rods that few digits leave round no more have a spin of their own, and no closed form on balls.
     """
-    found = stp.closed_forms(t.chain)
+    found = stp.dynamics.closed_forms(t.chain)
     admitted: Answers = {f"{form.form} admitted": form.admitted for form in found} if t.exact else {}
     return admitted | {form.form: Sized(form.miss, 1.0) for form in found if np.isfinite(form.miss)}
 
@@ -99,7 +99,7 @@ def hexapod(t: Telling, c: Case) -> Answers:
 
 @asks("planar_rpr")
 def planar_rpr(t: Telling, c: Case) -> Answers:
-    found = stp.planar_rpr(t.chain)
+    found = stp.planar.planar_rpr(t.chain)
     plane, back = pin.SE3(np.asarray(found.plane)), t.world.inverse()
     anchors = np.array([back * (plane * np.append(p, 0.0)) for p in found.anchors])
     corners = np.array([found.turned @ np.append(p, 0.0) for p in found.corners])
@@ -110,7 +110,7 @@ def planar_rpr(t: Telling, c: Case) -> Answers:
 
 @asks("rotary_legs")
 def rotary_legs(t: Telling, c: Case) -> Answers:
-    found = stp.rotary_legs(t.chain)
+    found = stp.rotary.rotary_legs(t.chain)
     back = t.world.inverse()
     return {
         "base": np.array([back * p for p in found.base_points])[t.order],
