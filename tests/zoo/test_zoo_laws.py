@@ -1,4 +1,4 @@
-"""The laws at one generic state of each mechanism, and its energy in free motion; `tests/laws` has all poses."""
+"""The laws at a generic state of some mechanisms, and the energy of all in free motion; `tests/laws` has the rest, slow."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.laws import (
     test_same_mechanism,
 )
 from tests.laws.conftest import Case
-from tests.zoo.table import expected, zoo_chain
+from tests.zoo.table import QUICK, expected, zoo_chain
 
 MODULES = (
     test_closing,
@@ -63,7 +63,7 @@ def case_of(name: str) -> Case:
     return Case(chain, q, *random_motion(chain, np.random.default_rng(5), q), "generic")
 
 
-@pytest.mark.parametrize("name", expected("law", quick=True))
+@pytest.mark.parametrize("name", expected("law", only=QUICK))
 @pytest.mark.parametrize(("law", "choice"), LAWS)
 def test_law(law: Callable[..., None], choice: dict[str, str], name: str, rng: np.random.Generator) -> None:
     case = case_of(name)
