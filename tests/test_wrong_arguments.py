@@ -17,9 +17,12 @@ REST = np.zeros(3)
 
 CALLS: tuple[tuple[Ask, str], ...] = (
     (lambda c: stp.close_loops(c, c.q_home, max_iterations="many"), "max_iterations must be a whole number"),  # pyright: ignore[reportArgumentType]
-    (lambda c: stp.all_forward_kinematics(c, [0.0], starts=None), "starts must be a whole number, 1 or more"),  # pyright: ignore[reportArgumentType]
     (
-        lambda c: stp.find_singularity(c, lambda t: c.q_home, interval=(0, 1), samples=2.5),  # pyright: ignore[reportArgumentType]
+        lambda c: stp.loops.all_forward_kinematics(c, [0.0], starts=None),
+        "starts must be a whole number, 1 or more",
+    ),  # pyright: ignore[reportArgumentType]
+    (
+        lambda c: stp.singularities.find_singularity(c, lambda t: c.q_home, interval=(0, 1), samples=2.5),  # pyright: ignore[reportArgumentType]
         "samples must be a whole number, 2 or more",
     ),
     (
@@ -34,8 +37,11 @@ CALLS: tuple[tuple[Ask, str], ...] = (
         lambda c: stp.joint_reactions(c, c.q_home, REST, np.zeros(1)),  # pyright: ignore[reportArgumentType]
         "effort must be what inverse_dynamics answers, got ndarray",
     ),
-    (lambda c: stp.replace_inertias(c, None), "inertias must give an inertia to each name, got NoneType"),  # pyright: ignore[reportArgumentType]
-    (lambda c: stp.displace_geometry(c, [1.0]), "displacements must give an amount to each parameter"),  # pyright: ignore[reportArgumentType]
+    (
+        lambda c: stp.build.replace_inertias(c, None),
+        "inertias must give an inertia to each name, got NoneType",
+    ),  # pyright: ignore[reportArgumentType]
+    (lambda c: stp.build.displace_geometry(c, [1.0]), "displacements must give an amount to each parameter"),  # pyright: ignore[reportArgumentType]
     (lambda c: stp.motor_demand(c, c.q_home), "samples must be PlatformSamples"),  # pyright: ignore[reportArgumentType]
     (lambda c: stp.compare_methods(c, None), "samples must be PlatformSamples"),  # pyright: ignore[reportArgumentType]
     (lambda c: stp.fit_to_limits(c, None), "motion must be a function of a scale, got NoneType"),  # pyright: ignore[reportArgumentType]
@@ -44,8 +50,8 @@ CALLS: tuple[tuple[Ask, str], ...] = (
         lambda c: stp.simulate(c, c.q_home, REST, duration=0.1, motors="strong"),  # pyright: ignore[reportArgumentType]
         "motors must be Motors, got str",
     ),
-    (lambda c: stp.LegPID(c, lambda t: t, kp="high"), "kp must be a number or have shape"),  # pyright: ignore[reportArgumentType]
-    (lambda c: stp.LegPID(c, lambda t: t, kd=-1.0), "kd must be 0 or more"),  # pyright: ignore[reportArgumentType]
+    (lambda c: stp.control.LegPID(c, lambda t: t, kp="high"), "kp must be a number or have shape"),  # pyright: ignore[reportArgumentType]
+    (lambda c: stp.control.LegPID(c, lambda t: t, kd=-1.0), "kd must be 0 or more"),  # pyright: ignore[reportArgumentType]
 )
 
 
