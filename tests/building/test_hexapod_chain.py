@@ -86,7 +86,7 @@ def test_a_home_beyond_the_stroke_is_an_error(report_ideal: stp.Hexapod) -> None
         ({"stroke": 5.0}, "stroke must be"),
         ({"stroke": ("a", "b")}, "stroke must be"),
         ({"stroke": (1, 2, 3)}, "stroke must be"),
-        ({"home": np.eye(4)}, "home must be a pinocchio.SE3"),
+        ({"home": np.eye(3)}, "home must be a pinocchio.SE3"),
         ({"home": pin.SE3(np.diag([1.0, 1, 2]), np.zeros(3))}, "rotation"),
         ({"platform": 20.0}, "platform must be a pinocchio.Inertia, got float"),
         ({"lower": None}, "lower must be a pinocchio.Inertia"),

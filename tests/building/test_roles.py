@@ -94,7 +94,7 @@ def test_bad_platforms_are_named() -> None:
     with pytest.raises(InputError, match="name 'tool' needs a placement="):
         stp.with_platform(chain, "platform", name="tool")
     with pytest.raises(InputError, match=r"placement must be a pinocchio\.SE3"):
-        stp.with_platform(chain, "platform", placement=np.eye(4))
+        stp.with_platform(chain, "platform", placement=np.eye(3))
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,7 @@ def test_sample_times_leave_the_end_out() -> None:
         ({"amplitude": (1, 2)}, "amplitude must have shape"),
         ({"frequency": (1, -2, 3)}, "frequency must be 0 or more"),
         ({"frequency": (1, np.nan, 3)}, "frequency must be finite"),
-        ({"home": np.eye(4)}, "home must be a pinocchio.SE3"),
+        ({"home": np.eye(3)}, "home must be a pinocchio.SE3"),
     ],
 )
 def test_bad_motions_are_named(arguments, words) -> None:

@@ -1,4 +1,4 @@
-"""The laws at a generic state of some mechanisms, and the energy of all in free motion; `tests/laws` has the rest, slow."""
+"""The laws at a generic state of some mechanisms, and the energy of all; `tests/laws` has the rest, slow."""
 
 from __future__ import annotations
 
