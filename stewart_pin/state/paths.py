@@ -22,7 +22,7 @@ import pinocchio as pin
 from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.freedom import TWIST_AXES, Motions, counted, split_motions
+from stewart_pin.state.freedom import TWIST_AXES, counted, split_motions
 from stewart_pin.state.generic import generic_freedom
 from stewart_pin.state.newton import Closure, System, displaced, judged, solve
 from stewart_pin.state.state import State
@@ -36,9 +36,8 @@ _TURN = 0.6
 """Largest angle by which the first Newton step of a stretch may turn a joint [rad]: farther sines are not straight."""
 _SHORTEST = 1e-5
 """Share of a path below which a stretch is not shortened any more."""
-_Side = tuple[FloatArray, FloatArray, FloatArray] | tuple[FloatArray, Motions] | None
-"""A square matrix of loops and demand with its factors; or the demand's share in the motions that loops leave, and
-these. None where there is no matrix."""
+_Side = tuple[FloatArray, ...] | None
+"""The matrix of loops and demand, and its factors where it is square; None where there is none."""
 _LITTLE = 0.7
 """Relative change of the matrix by the first step of a stretch with which the next, by a third more, stay below 1."""
 _ON_THE_WAY = 1e-8
@@ -247,14 +246,14 @@ def _stretch(begin: State, path: Path, share: float) -> _Stretch:
     """Newton's method from the beginning of a stretch to its end, as long as it contracts."""
     state, residual = begin, path.residuals(begin, share)
     goal = CLOSED / 10 if share == 1.0 else _ON_THE_WAY
-    angles = begin.chain.angle_mask
+    angles, rank = begin.chain.angle_mask, begin.chain.generic.rank + path.rank
     before, worst = 0.0, _largest(residual)
     first: _Side = None
     turned = np.inf
     for count in range(_MAX_STEPS):
         if worst <= goal:
             # Short steps leave so little that no second one has seen what the first has passed.
-            passed = count == 1 and _change(first, _newton_step(state, path, residual)[1], path.rank) >= 1.0
+            passed = count == 1 and _change(first, _newton_step(state, path, residual)[1], rank) >= 1.0
             return _Stretch(count) if passed else _Stretch(count, state, residual)
         step, side = _newton_step(state, path, residual)
         if step is None:
@@ -263,7 +262,7 @@ def _stretch(begin: State, path: Path, share: float) -> _Stretch:
         first = side if count == 0 else first
         # Steps that shrink to a quarter each add at most a third to what the matrix has changed by the first of them.
         if count and turned > _LITTLE:
-            turned = _change(first, side, path.rank)
+            turned = _change(first, side, rank)
             if turned >= 1.0:
                 return _Stretch(count)
         size = float(np.sqrt(step @ step))
@@ -304,36 +303,26 @@ def _newton_step(state: State, path: Path, residual: FloatArray) -> tuple[Tangen
         return None, None
     across = motions.across(-residual[: chain.nc])
     if not path.rank:
-        return across, (np.zeros((0, 0)), motions)
+        return across, (state.rows,)
     driven = rows @ motions.basis
     share = split_motions(driven, path.rank)
     if share.smallest <= 0:
         return None, None
     step = across + motions.basis @ share.across(-residual[chain.nc :] - rows @ across)
-    return step, (driven, motions)
+    return step, (np.concatenate([state.rows, rows]),)
 
 
 def _change(first: _Side, last: _Side, rank: int) -> float:
-    """Largest relative change of the matrices between two states near each other; ≥ 1 if a singularity lies between."""
-    if first is None or last is None:
+    """Largest relative change of a matrix between two states near each other; ≥ 1 if a singularity lies between."""
+    if first is None or last is None or not first[0].size:
         return 0.0
     if len(first) == 3:
-        return _size_of(_getrs(first[1], first[2], last[0])[0]) if first[0].size else 0.0
-    assert len(last) == 2
-    (share, before), (moved, after) = first, last
-    # The bases are each turned as they like; idle motions have no share, and surplus rows no motion.
-    rows = (before.left.T @ after.left * after.values) @ (after.right @ before.right.T)
-    loops = _size_of(rows / before.values[:, None])
-    if not share.size or loops >= 1.0:
-        return loops
-    u, s, vt = np.linalg.svd(share, full_matrices=False)
-    u, s, vt = u[:, :rank], s[:rank], vt[:rank]
-    return max(loops, _size_of((u.T @ moved @ (after.basis.T @ before.basis) @ vt.T) / s))
-
-
-def _size_of(change: FloatArray) -> float:
-    """Size of a change, which is the identity where nothing moves; ≥ 1 where an eigenvalue has gone through zero."""
-    # Each of these stands for a singularity; two at once would leave the sign of the determinant.
+        change = _getrs(first[1], first[2], last[0])[0]
+    else:  # what depends on other rows, and idle motions, do not count
+        u, s, vt = np.linalg.svd(first[0], full_matrices=False)
+        change = (u[:, :rank].T @ last[0] @ vt[:rank].T) / s[:rank, None]
+    # The change of the matrix is the identity where nothing moves. An eigenvalue that has gone through zero stands for
+    # a singularity; two at once would leave the sign of the determinant.
     beside = change.ravel(order="K")  # no copy
     beside[:: len(change) + 1] -= 1.0
     norm = float(np.sqrt(beside @ beside))

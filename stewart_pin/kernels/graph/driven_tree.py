@@ -350,9 +350,21 @@ def _approach(driven: DrivenTree, sizes: np.ndarray) -> Approach:
         steps, _, _ = solve_symmetric(square, -(share.T @ left), values)
         return across + closed.motions @ ca.vertcat(*steps)
 
-    _, idle, _ = solve_symmetric(square, ca.SX.zeros(square.shape[0]), values)
-    rows = [closed.reduced.pivots.rows[k] for k in idle]
-    return Approach(close, closed.reduced.determinant(closed.usual), _beside(closed, rows))
+    scale, both = closed.chain.tangent_scale, 1 / np.concatenate([closed.chain.row_sizes, sizes])
+    rows = (
+        constant(np.diag(both))
+        @ ca.horzcat(closed.columns.transpose, driven.drive).T
+        @ constant(np.diag(scale))
+    )
+    normal = rows.T @ rows
+    sampled = closed.values(normal)
+
+    def fit(rates: ca.SX) -> ca.SX:
+        found, _, _ = solve_symmetric(normal, rows.T @ (constant(both) * rates), sampled)
+        return constant(scale) * ca.vertcat(*found)
+
+    _, idle, _ = solve_symmetric(normal, ca.SX.zeros(normal.shape[0]), sampled)
+    return Approach(close, fit, _beside(closed, idle))
 
 
 def _beside(closed: ClosedTree, rows: Sequence[int]) -> FloatArray:

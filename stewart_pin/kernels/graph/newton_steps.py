@@ -36,14 +36,15 @@ class Approach:
     ----------
     close
         Gives the displacement that does it to the first order, from a gap, all at the symbolic state.
-    determinant
-        (1, 1) changes its sign at singularities of what must close in any case.
+    fit
+        Gives the displacement that has certain rates of the gap, as nearly as can be in all its entries: where loops
+        lose a row, what is asked for may still tell how they go on.
     direction
         (j,) a displacement that it may give, with no other direction special than those that it cannot [m or rad].
     """
 
     close: Callable[[ca.SX], ca.SX]
-    determinant: ca.SX
+    fit: Callable[[ca.SX], ca.SX]
     direction: FloatArray
 
 
@@ -209,7 +210,8 @@ def stretch_step(name: str, equations: NewtonEquations) -> ca.Function:
         matrix of their own.
     """
     e, near = equations, equations.approach
-    close, side = (e.close, e.determinant) if near is None else (near.close, near.determinant)
+    close, side = (e.close, e.determinant) if near is None else (near.close, ca.SX(1))
+    fit = (lambda rates: -e.close(rates)) if near is None else near.fit
     worst = ca.SX.sym("contraction")
     first = close(e.gap)
     between = e.move(e.state, first)
@@ -220,7 +222,7 @@ def stretch_step(name: str, equations: NewtonEquations) -> ca.Function:
     one, two = (ca.norm_inf(x / constant(e.sizes)) for x in (first, second))
     contraction = ca.fmax(ca.fmax(two / (one + _ROUND_OFF), one / _FAR), _TINY)
     turned = ca.logic_or(worst * side < 0, side * other_side < 0)
-    turned = ca.logic_or(turned, _changed(e, between, close, (e if near is None else near).direction))
+    turned = ca.logic_or(turned, _changed(e, between, fit, (e if near is None else near).direction))
     return shared(
         name,
         {"state": e.state, "target": e.target, "contraction": worst},
@@ -232,9 +234,7 @@ def stretch_step(name: str, equations: NewtonEquations) -> ca.Function:
     )
 
 
-def _changed(
-    e: NewtonEquations, other: ca.SX, close: Callable[[ca.SX], ca.SX], direction: FloatArray
-) -> ca.SX:
+def _changed(e: NewtonEquations, other: ca.SX, fit: Callable[[ca.SX], ca.SX], direction: FloatArray) -> ca.SX:
     """Whether the matrix at another state is so different that a singularity may lie on the way there.
 
     With M the matrix here and M' that there, C = M⁻¹ M' - 1 has an eigenvalue beyond -1 for every singularity on the
@@ -246,7 +246,7 @@ def _changed(
     rates = ca.Function("rates", [e.state, e.target, along], [ca.substitute(moved, eps, ca.SX(0))])
 
     def change(x: ca.SX) -> ca.SX:
-        return -close(rates.call([other, e.target, x])[0]) - x
+        return fit(rates.call([other, e.target, x])[0]) - x
 
     once = change(constant(direction))
     twice = change(once)
