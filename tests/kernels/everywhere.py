@@ -155,6 +155,7 @@ class Mechanism:
         now, drawn = home, []
         for _ in range(GENERATIONS):
             now = displace(now, rng.uniform(-SPREAD, SPREAD, (len(now), chain.nv)) * chain.tangent_scale)[0]
+            left = np.full((len(now), 1), np.inf)
             for _ in range(8):
                 now, _, _, _, left = project(now, still)
             closed = (left[:, 0] <= 1e-13) & (displace(now, still)[1][:, 0] == 0)
