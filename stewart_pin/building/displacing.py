@@ -56,15 +56,15 @@ def displace_geometry(chain: ClosedChain, displacements: Mapping[GeometryParamet
     --------
     >>> import stewart_pin as stp
     >>> chain = stp.load("stewart")
-    >>> first = stp.geometry_parameters(chain)[0]
-    >>> moved = stp.displace_geometry(chain, {first: 1e-3})
+    >>> first = stp.build.geometry_parameters(chain)[0]
+    >>> moved = stp.build.displace_geometry(chain, {first: 1e-3})
     """
     known = set(geometry_parameters(chain))
     moves: _Moves = {}
     for parameter, amount in displacements.items():
         if parameter not in known:
             raise InputError(
-                f"{parameter} is no parameter of {chain.name}; stewart_pin.geometry_parameters lists them"
+                f"{parameter} is no parameter of {chain.name}; stewart_pin.build.geometry_parameters lists them"
             )
         if not np.isfinite(amount):
             raise InputError(f"the displacement of {parameter} must be finite, got {amount}")

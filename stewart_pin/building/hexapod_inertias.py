@@ -55,8 +55,8 @@ def hexapod_inertias(
     Examples
     --------
     >>> import stewart_pin as stp
-    >>> hexapod = stp.semi_regular_hexapod(0.5, 0.4, 0.2, 0.3)
-    >>> masses = stp.hexapod_inertias(hexapod, platform=20.0, lower=2.0, upper=1.5)
+    >>> hexapod = stp.hexapods.semi_regular_hexapod(0.5, 0.4, 0.2, 0.3)
+    >>> masses = stp.hexapods.hexapod_inertias(hexapod, platform=20.0, lower=2.0, upper=1.5)
     >>> stp.mobility(stp.hexapod_chain(hexapod, **masses)).dof
     6
     """

@@ -38,7 +38,7 @@ def planar_rpr(chain: ClosedChain) -> PlanarRPR:
     --------
     >>> import stewart_pin as stp
     >>> chain = stp.load("rpr_planar")
-    >>> modes = stp.planar_assembly_modes(stp.planar_rpr(chain), stp.motor_positions(chain, chain.q_home))
+    >>> modes = stp.planar_assembly_modes(stp.planar.planar_rpr(chain), stp.motor_positions(chain, chain.q_home))
     >>> len(modes)
     4
     """

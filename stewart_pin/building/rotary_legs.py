@@ -44,7 +44,7 @@ def rotary_legs(chain: ClosedChain) -> RotaryLegs:
     >>> import numpy as np, stewart_pin as stp
     >>> chain = stp.load("hexapod_rss")
     >>> pose = stp.platform_pose(chain, chain.q_home)
-    >>> angles = stp.crank_angles(stp.rotary_legs(chain), pose.translation, pose.rotation).angle[:, 0]
+    >>> angles = stp.rotary.crank_angles(stp.rotary.rotary_legs(chain), pose.translation, pose.rotation).angle[:, 0]
     >>> np.allclose(angles, stp.motor_positions(chain, chain.q_home))
     True
     """

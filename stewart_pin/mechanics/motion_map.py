@@ -102,7 +102,7 @@ def motion_map(
     --------
     >>> import numpy as np, stewart_pin as stp
     >>> chain = stp.load("stewart")
-    >>> found = stp.motion_map(chain, chain.q_home)
+    >>> found = stp.dynamics.motion_map(chain, chain.q_home)
     >>> found.G.shape, bool(np.abs(stp.loop_jacobian(chain, chain.q_home) @ found.G).max() < 1e-12)
     ((24, 6), True)
     """

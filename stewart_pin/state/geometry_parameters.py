@@ -89,7 +89,7 @@ def geometry_parameters(chain: ClosedChain) -> tuple[GeometryParameter, ...]:
     Examples
     --------
     >>> import stewart_pin as stp
-    >>> print(stp.geometry_parameters(stp.load("four_bar"))[0])
+    >>> print(stp.build.geometry_parameters(stp.load("four_bar"))[0])
     joint 'crank_motor': shift x in 'base'
     """
     places = [

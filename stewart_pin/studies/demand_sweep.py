@@ -95,7 +95,7 @@ def sweep_demand(
     >>> home, phase = stp.platform_pose(chain, chain.q_home), np.arange(40) / 40
     >>> def shake(amplitude, frequency):
     ...     along_x = {"amplitude": [amplitude, 0, 0], "frequency": [frequency, 0, 0]}
-    ...     return stp.sinusoidal_motion(phase / frequency, home=home, **along_x)
+    ...     return stp.motions.sinusoidal_motion(phase / frequency, home=home, **along_x)
     >>> found = stp.sweep_demand(chain, shake, {"amplitude": [0.01, 0.1], "frequency": [1.0, 5.0]})
     >>> found["peak_effort"].max(axis=-1).round()
     array([[  64.,  327.],

@@ -72,7 +72,7 @@ def draw(name: str, rng: np.random.Generator) -> tuple[stp.Hexapod, np.ndarray, 
     return hexapod, rng.normal(size=3), Rotation.random(random_state=rng).as_matrix()
 
 
-def distance_to(modes: stp.AssemblyModes, position: np.ndarray, rotation: np.ndarray) -> float:
+def distance_to(modes: stp.hexapods.AssemblyModes, position: np.ndarray, rotation: np.ndarray) -> float:
     """Give the distance of a pose to the nearest of a set; infinite for an empty set."""
     gaps = np.abs(modes.position - position).max(axis=1) + np.abs(modes.rotation - rotation).max(axis=(1, 2))
     return float(gaps.min(initial=np.inf))

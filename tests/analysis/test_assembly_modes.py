@@ -22,7 +22,7 @@ def test_number_of_complex_poses_of_a_class(name: str, rng: np.random.Generator)
     lengths = stp.leg_lengths(hexapod, position, rotation)
     modes, solver = stp.assembly_modes(hexapod, lengths), stp.AssemblySolver(hexapod)
     for answer in (modes, solver.solve(lengths)):
-        assert isinstance(answer, stp.AssemblyModes)
+        assert isinstance(answer, stp.hexapods.AssemblyModes)
         assert answer.n_complex == answer.expected == solver.n_generic == CLASSES[name][0]
         assert answer.complete and answer.failed_paths == 0 and answer.kind == "finite"
         assert answer.certified.all()
@@ -154,7 +154,7 @@ def test_solver_takes_a_batch(report_cad: stp.Hexapod, rng: np.random.Generator)
     assert isinstance(answers, tuple) and len(answers) == 3
     for row, answer in zip(lengths, answers, strict=True):
         single = solver.solve(row)
-        assert isinstance(single, stp.AssemblyModes)
+        assert isinstance(single, stp.hexapods.AssemblyModes)
         np.testing.assert_array_equal(answer.position, single.position)
 
 

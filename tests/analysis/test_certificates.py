@@ -11,7 +11,7 @@ from stewart_pin.analysis.assembly_modes.study import Scaling
 from tests.analysis.platforms import draw
 
 
-def _study_points(scaling: Scaling, modes: stp.AssemblyModes) -> np.ndarray:
+def _study_points(scaling: Scaling, modes: stp.hexapods.AssemblyModes) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 
     quaternion = Rotation.from_matrix(modes.rotation).as_quat(scalar_first=True)

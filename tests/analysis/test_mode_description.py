@@ -39,7 +39,7 @@ def test_segment_distance_is_the_least(rng: np.random.Generator) -> None:
 def test_description_of_modes(forty_real) -> None:
     hexapod, lengths = forty_real
     modes = stp.assembly_modes(hexapod, lengths)
-    facts = stp.describe_modes(hexapod, modes, stroke=(0.6, 1.6), leg_radius=0.01)
+    facts = stp.hexapods.describe_modes(hexapod, modes, stroke=(0.6, 1.6), leg_radius=0.01)
     jacobian = stp.leg_jacobian(hexapod, modes.position, modes.rotation)
     np.testing.assert_array_equal(facts.side, np.sign(np.linalg.det(jacobian)))
     # The degree of the map from poses to lengths is zero: as many modes on either side.
@@ -52,13 +52,13 @@ def test_description_of_modes(forty_real) -> None:
     ends = hexapod.base_points
     near = _slow_distance(ends[i], tops[i] - ends[i], ends[j], tops[j] - ends[j])
     assert facts.clearance[0] == pytest.approx(near, abs=2e-7)
-    assert not stp.describe_modes(hexapod, modes, stroke=(0.6, 1.5)).in_stroke.any()
+    assert not stp.hexapods.describe_modes(hexapod, modes, stroke=(0.6, 1.5)).in_stroke.any()
 
 
 def test_legs_that_share_a_joint_do_not_count(rng: np.random.Generator) -> None:
     hexapod, position, rotation = draw("3-3", rng)
     modes = stp.assembly_modes(hexapod, stp.leg_lengths(hexapod, position, rotation))
-    facts = stp.describe_modes(hexapod, modes)
+    facts = stp.hexapods.describe_modes(hexapod, modes)
     # 15 pairs, six of which share a corner of the octahedron.
     assert (facts.clearance > 1e-6).all()
 
@@ -67,6 +67,6 @@ def test_bad_stroke_is_named(forty_real) -> None:
     hexapod, lengths = forty_real
     modes = stp.assembly_modes(hexapod, lengths)
     with pytest.raises(InputError, match="least length first"):
-        stp.describe_modes(hexapod, modes, stroke=(2.0, 1.0))
+        stp.hexapods.describe_modes(hexapod, modes, stroke=(2.0, 1.0))
     with pytest.raises(InputError, match="leg_radius"):
-        stp.describe_modes(hexapod, modes, leg_radius=-1.0)
+        stp.hexapods.describe_modes(hexapod, modes, leg_radius=-1.0)

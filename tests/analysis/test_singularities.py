@@ -32,7 +32,7 @@ def turned(chain: stp.ClosedChain, place: tuple[float, float, float], axis: tupl
 def test_hexapod_that_turns_meets_the_right_angle(samples: int) -> None:
     """Fichter's singularity, to the last digits and from any number of samples."""
     chain = robot("stewart")
-    found = stp.find_singularity(
+    found = stp.singularities.find_singularity(
         chain, turned(chain, (0, 0, 1.0), (0, 0, 1.0)), interval=(-0.3, 2.4), samples=samples
     )
     assert found.found and found.crossed and found.kind == "motor"
@@ -57,14 +57,14 @@ def test_planar_platform_meets_the_root_of_its_determinant(rng: np.random.Genera
 
         def determinant(s: float, along=along) -> float:
             x = along(s)
-            return float(np.linalg.det(stp.planar_leg_jacobian(planar, x[:2], x[2])))
+            return float(np.linalg.det(stp.planar.planar_leg_jacobian(planar, x[:2], x[2])))
 
         def path(s: float, along=along) -> np.ndarray:
             x = along(s)
             pose = pin.SE3(pin.exp3(np.array([0, 0, x[2]])), np.array([x[0], x[1], 0]))
             return stp.inverse_kinematics(chain, pose, limits=False).q
 
-        found = stp.find_singularity(chain, path, kinds=["motor"])
+        found = stp.singularities.find_singularity(chain, path, kinds=["motor"])
         values = np.array([determinant(s) for s in np.linspace(0, 1, 401)])
         changes = np.flatnonzero(np.diff(np.sign(values)))
         assert found.found == bool(len(changes))
@@ -85,10 +85,10 @@ def test_crank_meets_both_dead_points() -> None:
 
     stretched = np.arccos((1.1**2 + 0.9**2 - 0.6**2) / (2 * 1.1 * 0.9))
     folded = np.pi + np.arccos((0.5**2 + 0.9**2 - 0.6**2) / (2 * 0.5 * 0.9))
-    first = stp.find_singularity(chain, path, interval=(0.2, 6.0))
+    first = stp.singularities.find_singularity(chain, path, interval=(0.2, 6.0))
     assert (first.kind, first.crossed) == ("platform", True)
     assert first.at == pytest.approx(stretched, abs=1e-13)
-    second = stp.find_singularity(chain, path, interval=(first.at + 1e-3, 6.0))
+    second = stp.singularities.find_singularity(chain, path, interval=(first.at + 1e-3, 6.0))
     assert second.at == pytest.approx(folded, abs=1e-13)
     assert second.singularity.kinds == ("platform",)
 
@@ -98,7 +98,7 @@ def test_translational_platform_meets_its_cylinder() -> None:
     chain = three_upu(0.5, 0.3)
     for direction in (0.3, 2.0):
         way = np.array([np.cos(direction), np.sin(direction)])
-        found = stp.find_singularity(
+        found = stp.singularities.find_singularity(
             chain, lambda r, way=way: moved(chain, *(r * way), 1.0), interval=(0.0, 0.6), kinds=["loop"]
         )
         assert found.found and found.crossed
@@ -108,7 +108,9 @@ def test_translational_platform_meets_its_cylinder() -> None:
 
 def test_arm_between_configurations() -> None:
     arm = robot("arm_3r_planar")
-    found = stp.find_singularity(arm, np.array([[0.3, 0.5, 0.2], [0.3, 0.7, 0.2], [0.3, -0.2, 0.7]]))
+    found = stp.singularities.find_singularity(
+        arm, np.array([[0.3, 0.5, 0.2], [0.3, 0.7, 0.2], [0.3, -0.2, 0.7]])
+    )
     # Elbow straight: on the second stretch, at 7/9 of it.
     assert found.at == pytest.approx(1 + 7 / 9, abs=1e-13)
     assert found.crossed and found.kind == "platform"
@@ -119,12 +121,12 @@ def test_arm_between_configurations() -> None:
 def test_paths_between_closed_configurations_are_closed(rng: np.random.Generator) -> None:
     chain = robot("stewart")
     stops = [random_configuration(chain, rng) for _ in range(3)]
-    path = stp.closed_path(chain, stops)
+    path = stp.loops.closed_path(chain, stops)
     for k, q in enumerate(stops):
         assert path(float(k)) == pytest.approx(q, abs=1e-9)
     for s in (0.3, 1.7):
         assert np.abs(stp.loop_gap(chain, path(s))).max() < 1e-12
-    found = stp.find_singularity(chain, stops)
+    found = stp.singularities.find_singularity(chain, stops)
     assert not found.found and not found.crossed
     assert found.margin == min(found.singularity.measures.values()) > 0.05
 
@@ -132,22 +134,22 @@ def test_paths_between_closed_configurations_are_closed(rng: np.random.Generator
 def test_touching_without_crossing() -> None:
     """An arm that straightens and bends back the same way: zero without a change of sign."""
     arm = robot("arm_3r_planar")
-    found = stp.find_singularity(arm, lambda s: np.array([0.3, (s - 0.4137) ** 2, 0.5]))
+    found = stp.singularities.find_singularity(arm, lambda s: np.array([0.3, (s - 0.4137) ** 2, 0.5]))
     assert found.found and not found.crossed
     # The measure is quadratic: where it is below the tolerance of 1e-8 is known to its root.
     assert found.at == pytest.approx(0.4137, abs=1e-3)
-    near = stp.find_singularity(arm, lambda s: np.array([0.3, 1e-3 + (s - 0.4137) ** 2, 0.5]))
+    near = stp.singularities.find_singularity(arm, lambda s: np.array([0.3, 1e-3 + (s - 0.4137) ** 2, 0.5]))
     assert not near.found and near.at == pytest.approx(0.4137, abs=1e-2)
     assert 1e-5 < near.margin < 1e-3
 
 
 def test_a_singularity_at_a_sample_is_still_one_crossing() -> None:
     arm = robot("arm_3r_planar")
-    found = stp.find_singularity(arm, lambda s: np.array([0.3, s - 0.5, 0.5]), samples=3)
+    found = stp.singularities.find_singularity(arm, lambda s: np.array([0.3, s - 0.5, 0.5]), samples=3)
     assert (found.found, found.crossed, found.at) == (True, True, 0.5)
-    begin = stp.find_singularity(arm, lambda s: np.array([0.3, s, 0.5]))
+    begin = stp.singularities.find_singularity(arm, lambda s: np.array([0.3, s, 0.5]))
     assert (begin.found, begin.at, begin.distance) == (True, 0.0, 0.0)
-    end = stp.find_singularity(arm, lambda s: np.array([0.3, 1 - s, 0.5]))
+    end = stp.singularities.find_singularity(arm, lambda s: np.array([0.3, 1 - s, 0.5]))
     assert end.found and end.at == pytest.approx(1.0, abs=1e-7)
 
 
@@ -179,7 +181,7 @@ def test_the_first_of_several_kinds_is_found(hip: float, way: int, kind: str) ->
         for k in np.flatnonzero(np.diff(np.sign(values[:, column]))):
             root = brentq(lambda x, c=column: lines(x)[c], grid[k], grid[k + 1], xtol=1e-14)
             roots.append((root, name))
-    found = stp.find_singularity(chain, path, interval=ends, axes=("vx", "vy"))
+    found = stp.singularities.find_singularity(chain, path, interval=ends, axes=("vx", "vy"))
     assert found.found and found.crossed
     assert (pytest.approx(found.at, abs=1e-10), found.kind) == min(roots)
     assert found.kind == kind
@@ -188,17 +190,17 @@ def test_the_first_of_several_kinds_is_found(hip: float, way: int, kind: str) ->
 def test_jumps_and_bad_arguments_are_refused() -> None:
     arm, bar = robot("arm_3r_planar"), four_bar()
     with pytest.raises(InputError, match=r"path jumps between 0\.5.*joint"):
-        stp.find_singularity(arm, lambda s: np.array([0.3, 0.4, 0.5 + 3.0 * (s > 0.5)]))
+        stp.singularities.find_singularity(arm, lambda s: np.array([0.3, 0.4, 0.5 + 3.0 * (s > 0.5)]))
     with pytest.raises(InputError, match="interval must rise"):
-        stp.find_singularity(arm, lambda s: arm.q_home, interval=(1.0, 0.0))
+        stp.singularities.find_singularity(arm, lambda s: arm.q_home, interval=(1.0, 0.0))
     with pytest.raises(InputError, match="samples must be 2 or more"):
-        stp.find_singularity(arm, lambda s: arm.q_home, samples=1)
+        stp.singularities.find_singularity(arm, lambda s: arm.q_home, samples=1)
     with pytest.raises(InputError, match="kinds must be some of loop, motor"):
-        stp.find_singularity(arm, lambda s: arm.q_home, kinds=["type II"])
+        stp.singularities.find_singularity(arm, lambda s: arm.q_home, kinds=["type II"])
     with pytest.raises(InputError, match="two or more"):
-        stp.closed_path(arm, np.zeros((1, 3)))
+        stp.loops.closed_path(arm, np.zeros((1, 3)))
     with pytest.raises(InputError, match="path must have shape"):
-        stp.find_singularity(arm, lambda s: np.zeros(2))
+        stp.singularities.find_singularity(arm, lambda s: np.zeros(2))
     # Between these two the nearest closed configuration changes the assembly mode.
     with pytest.raises(InputError, match=r"path jumps between .* elbow moves by"):
-        stp.find_singularity(bar, np.array([bar.q_home, bar.q_home + [np.pi, 0, 0]]))
+        stp.singularities.find_singularity(bar, np.array([bar.q_home, bar.q_home + [np.pi, 0, 0]]))

@@ -18,13 +18,13 @@ def test_planar_platform_changes_sign_where_its_determinant_does() -> None:
     turn = stp.platform_pose(chain, chain.q_home).rotation
     angle = float(np.arctan2(turn[1, 0], turn[0, 0]))
     x, y = np.linspace(-1.5, 5.5, 25), np.linspace(-4.8, 3.2, 29)
-    found = stp.singularity_map(chain, x, y, axes=("vx", "vy", "wz"))
+    found = stp.singularities.singularity_map(chain, x, y, axes=("vx", "vy", "wz"))
     # All but cells beside a leg without length, whose hinge turns at once.
     assert (~found.reached).sum() <= 3
     grid = np.stack(np.meshgrid(x, y), axis=-1)
-    det = np.linalg.det(stp.planar_leg_jacobian(PLANAR, grid, np.full(grid.shape[:-1], angle)))
+    det = np.linalg.det(stp.planar.planar_leg_jacobian(PLANAR, grid, np.full(grid.shape[:-1], angle)))
     assert np.nanmin(found.measures["motor"]) > 1e-5
-    lengths = stp.planar_leg_lengths(PLANAR, grid, np.full(grid.shape[:-1], angle)).min(axis=-1)
+    lengths = stp.planar.planar_leg_lengths(PLANAR, grid, np.full(grid.shape[:-1], angle)).min(axis=-1)
     expected, plain = [], []
     for step in ((1, 0), (0, 1)):
         a, b = det[: len(y) - step[0], : len(x) - step[1]], det[step[0] :, step[1] :]
@@ -44,7 +44,7 @@ def test_planar_platform_changes_sign_where_its_determinant_does() -> None:
 def test_five_bar_is_reached_where_both_legs_reach() -> None:
     chain = robot("five_bar")
     x, y = np.linspace(-0.15, 0.15, 21), np.linspace(0.012, 0.18, 15)
-    found = stp.singularity_map(chain, x, y, axes=("vx", "vy"))
+    found = stp.singularities.singularity_map(chain, x, y, axes=("vx", "vy"))
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     reach = [np.linalg.norm(grid - [side * HIP, 0], axis=-1) for side in (-1, 1)]
     within = np.maximum(*reach) < 2 * LINK
@@ -73,10 +73,10 @@ def test_nothing_is_marked_on_the_cut_between_two_sheets() -> None:
     """Round a hip, where a leg folds, the five-bar comes back otherwise: marks are changes of the closed form alone."""
     chain = robot("five_bar")
     x, y = np.linspace(0.0, 0.12, 16), np.linspace(-0.06, 0.06, 16)
-    above = stp.singularity_map(
+    above = stp.singularities.singularity_map(
         chain, np.linspace(0, 0.045, 4), np.linspace(0.048, 0.156, 10), axes=("vx", "vy")
     ).q[0, 3]
-    found = stp.singularity_map(chain, x, y, axes=("vx", "vy"), q_guess=above)
+    found = stp.singularities.singularity_map(chain, x, y, axes=("vx", "vy"), q_guess=above)
     left_hip, left_knee, right_hip, right_knee = (
         found.q[..., chain.tangent_names.index(name)]
         for name in ("left_hip", "left_knee", "right_hip", "right_knee")
@@ -99,8 +99,8 @@ def test_nothing_is_marked_on_the_cut_between_two_sheets() -> None:
 def test_where_the_platform_may_turn_is_up_to_the_axes() -> None:
     """With the angle free the 3-RPR is no longer held at its own: it stays as the solver finds it."""
     chain = robot("rpr_planar")
-    free = stp.singularity_map(chain, [4.0, 4.5, 5.0], [2.0, 2.5], axes=("vx", "vy"))
-    held = stp.singularity_map(chain, [4.0, 4.5, 5.0], [2.0, 2.5], axes=("vx", "vy", "wz"))
+    free = stp.singularities.singularity_map(chain, [4.0, 4.5, 5.0], [2.0, 2.5], axes=("vx", "vy"))
+    held = stp.singularities.singularity_map(chain, [4.0, 4.5, 5.0], [2.0, 2.5], axes=("vx", "vy", "wz"))
     turns = [
         [stp.platform_pose(chain, q).rotation[1, 0] for q in found.q.reshape(-1, chain.nq)]
         for found in (free, held)
@@ -111,10 +111,10 @@ def test_where_the_platform_may_turn_is_up_to_the_axes() -> None:
 def test_bad_arguments_are_refused() -> None:
     chain = robot("five_bar")
     with pytest.raises(InputError, match="x must hold two or more rising numbers"):
-        stp.singularity_map(chain, [0.1, 0.0], [0.1, 0.2], axes=("vx", "vy"))
+        stp.singularities.singularity_map(chain, [0.1, 0.0], [0.1, 0.2], axes=("vx", "vy"))
     with pytest.raises(InputError, match="plane must be two of vx, vy, vz"):
-        stp.singularity_map(chain, [0.0, 0.1], [0.1, 0.2], plane=("vx", "wz"))
+        stp.singularities.singularity_map(chain, [0.0, 0.1], [0.1, 0.2], plane=("vx", "wz"))
     with pytest.raises(InputError, match="does not reach the cell next to its start"):
-        stp.singularity_map(chain, [1.0, 1.1], [0.1, 0.2], axes=("vx", "vy"))
+        stp.singularities.singularity_map(chain, [1.0, 1.1], [0.1, 0.2], axes=("vx", "vy"))
     with pytest.raises(InputError, match="axes must be some of"):
-        stp.singularity_map(chain, [0.0, 0.1], [0.1, 0.2], axes=("vx", "vy", "w"))
+        stp.singularities.singularity_map(chain, [0.0, 0.1], [0.1, 0.2], axes=("vx", "vy", "w"))

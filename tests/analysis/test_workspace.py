@@ -28,13 +28,13 @@ def column_volume(hexapod: stp.Hexapod, rotation: np.ndarray, bounds: np.ndarray
 
 
 def test_volume_is_within_its_stated_error(report_cad: stp.Hexapod) -> None:
-    bounds = stp.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.2).bounds
+    bounds = stp.workspaces.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.2).bounds
     # Two resolutions of the exact columns agree to six digits.
     exact = column_volume(report_cad, LEVEL, bounds, 600)
     assert exact == pytest.approx(2.600231, abs=5e-6)
     ratios = []
     for spacing in (0.15, 0.12, 0.1, 0.09, 0.08, 0.07, 0.06):
-        samples = stp.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=spacing)
+        samples = stp.workspaces.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=spacing)
         ratios.append((samples.volume - exact) / samples.volume_error)
         assert samples.volume_bounds[0] <= exact <= samples.volume_bounds[1]
     assert np.abs(ratios).max() < 3.0
@@ -44,7 +44,7 @@ def test_volume_is_within_its_stated_error(report_cad: stp.Hexapod) -> None:
 
 def test_tilted_platform_too(report_cad: stp.Hexapod) -> None:
     rotation = rotation_from_rpy(0.1, -0.15, 0.3)
-    samples = stp.sample_workspace(report_cad, rotation, stroke=STROKE, spacing=0.07)
+    samples = stp.workspaces.sample_workspace(report_cad, rotation, stroke=STROKE, spacing=0.07)
     exact = column_volume(report_cad, rotation, samples.bounds, 400)
     # Turned, the centres differ in height; the workspace ends far above them, where a column is one interval.
     centres = report_cad.base_points - report_cad.platform_points @ rotation.T
@@ -53,7 +53,7 @@ def test_tilted_platform_too(report_cad: stp.Hexapod) -> None:
 
 
 def test_every_point_is_judged_by_its_legs(report_cad: stp.Hexapod) -> None:
-    samples = stp.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.1)
+    samples = stp.workspaces.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.1)
     lengths = stp.leg_lengths(report_cad, samples.position, LEVEL)
     within = ((lengths >= STROKE[0]) & (lengths <= STROKE[1])).all(axis=-1)
     np.testing.assert_array_equal(samples.inside, within)
@@ -77,7 +77,7 @@ def test_every_point_is_judged_by_its_legs(report_cad: stp.Hexapod) -> None:
 
 
 def test_no_point_is_missed(report_cad: stp.Hexapod, rng: np.random.Generator) -> None:
-    samples = stp.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.1)
+    samples = stp.workspaces.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.1)
     # Random points of a wider box: those in the workspace lie in the bounds, in a cell that was kept.
     points = rng.uniform([-3, -3, 0.1], [3, 3, 3], (20_000, 3))
     lengths = stp.leg_lengths(report_cad, points, LEVEL)
@@ -91,7 +91,7 @@ def test_no_point_is_missed(report_cad: stp.Hexapod, rng: np.random.Generator) -
 
 def test_sheets_mirror_each_other(report_cad: stp.Hexapod) -> None:
     upper, lower, both = (
-        stp.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.1, sheet=sheet)
+        stp.workspaces.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.1, sheet=sheet)
         for sheet in ("upper", "lower", "both")
     )
     # All centres at one height, 49.49 + 46.39 mm: the sheets are mirror images.
@@ -104,7 +104,7 @@ def test_sheets_mirror_each_other(report_cad: stp.Hexapod) -> None:
 
 
 def test_condition_is_that_of_the_normalised_jacobian(report_cad: stp.Hexapod) -> None:
-    samples = stp.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.2, length=0.3)
+    samples = stp.workspaces.sample_workspace(report_cad, LEVEL, stroke=STROKE, spacing=0.2, length=0.3)
     for k in range(0, len(samples.position), 50):
         jacobian = stp.leg_jacobian(report_cad, samples.position[k], LEVEL) / [1, 1, 1, 0.3, 0.3, 0.3]
         assert samples.condition[k] == pytest.approx(np.linalg.cond(jacobian), rel=1e-10)
@@ -116,7 +116,7 @@ def test_condition_is_that_of_the_normalised_jacobian(report_cad: stp.Hexapod) -
 def test_all_of_it_may_be_singular(report_ideal: stp.Hexapod) -> None:
     # Turned by 90° about the vertical this platform is singular wherever it stands.
     yaw = rotation_from_rpy(0, 0, np.pi / 2)
-    samples = stp.sample_workspace(report_ideal, yaw, stroke=(0.9, 1.3), spacing=0.05)
+    samples = stp.workspaces.sample_workspace(report_ideal, yaw, stroke=(0.9, 1.3), spacing=0.05)
     assert samples.inside.any() and samples.crosses_singularity
     assert (samples.determinant_sign[samples.inside] == 0).all()
     assert samples.dexterity[samples.inside].max() < 1e-12
@@ -124,7 +124,7 @@ def test_all_of_it_may_be_singular(report_ideal: stp.Hexapod) -> None:
 
 def test_legs_that_never_meet_leave_nothing(report_ideal: stp.Hexapod) -> None:
     apart = stp.Hexapod(report_ideal.base_points * 20, report_ideal.platform_points)
-    samples = stp.sample_workspace(apart, LEVEL, stroke=(0.5, 1.0))
+    samples = stp.workspaces.sample_workspace(apart, LEVEL, stroke=(0.5, 1.0))
     assert samples.volume == 0.0 and samples.volume_bounds == (0.0, 0.0) and not len(samples.position)
     assert samples.pieces == 0 and not samples.crosses_singularity
 
@@ -134,11 +134,11 @@ def test_leg_without_length_is_singular_not_an_error() -> None:
     points = np.array([[1.0, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [1, 1, 0], [-1, 1, 0]])
     same = stp.Hexapod(points, points)
     # Five cells of half a metre: exact in binary.
-    samples = stp.sample_workspace(same, LEVEL, stroke=(0.0, 1.25), sheet="both", spacing=0.5)
+    samples = stp.workspaces.sample_workspace(same, LEVEL, stroke=(0.0, 1.25), sheet="both", spacing=0.5)
     (middle,) = np.flatnonzero(~samples.position.any(axis=1))
     assert np.isinf(samples.condition[middle]) and samples.inside[middle]
     # Parallel legs: a ball.
-    fine = stp.sample_workspace(same, LEVEL, stroke=(0.0, 1.25), sheet="both", spacing=0.07)
+    fine = stp.workspaces.sample_workspace(same, LEVEL, stroke=(0.0, 1.25), sheet="both", spacing=0.07)
     assert abs(fine.volume - 4 / 3 * np.pi * 1.25**3) < 3 * fine.volume_error
 
 
@@ -157,23 +157,25 @@ def test_leg_without_length_is_singular_not_an_error() -> None:
 )
 def test_bad_input_is_named(report_cad: stp.Hexapod, options, words) -> None:
     with pytest.raises(InputError, match=words):
-        stp.sample_workspace(report_cad, LEVEL, **options)
+        stp.workspaces.sample_workspace(report_cad, LEVEL, **options)
 
 
 def test_bad_rotation_is_named(report_cad: stp.Hexapod) -> None:
     with pytest.raises(InputError, match="rotation must have shape"):
-        stp.sample_workspace(report_cad, np.stack([LEVEL, LEVEL]), stroke=STROKE)
+        stp.workspaces.sample_workspace(report_cad, np.stack([LEVEL, LEVEL]), stroke=STROKE)
 
 
 def test_kernels_change_nothing(report_cad: stp.Hexapod) -> None:
     """Distances by compiled code: the same cells, clearances to round-off."""
     turned = rotation_from_rpy(0.1, -0.05, 0.2)
     runs = [
-        stp.sample_workspace(report_cad, turned, stroke=(2.20147, 2.70147), spacing=0.1, kernels=choice)
+        stp.workspaces.sample_workspace(
+            report_cad, turned, stroke=(2.20147, 2.70147), spacing=0.1, kernels=choice
+        )
         for choice in (True, False)
     ]
     np.testing.assert_array_equal(runs[0].index, runs[1].index)
     np.testing.assert_allclose(runs[0].clearance, runs[1].clearance, atol=1e-14)
     np.testing.assert_array_equal(runs[0].limiting_leg, runs[1].limiting_leg)
     with pytest.raises(InputError, match="kernels must be True, False or None"):
-        stp.sample_workspace(report_cad, turned, stroke=(2.2, 2.7), kernels="yes")  # type: ignore[arg-type]
+        stp.workspaces.sample_workspace(report_cad, turned, stroke=(2.2, 2.7), kernels="yes")  # type: ignore[arg-type]

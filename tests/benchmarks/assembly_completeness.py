@@ -34,7 +34,7 @@ def outcome(name: str, seed: tuple[int, int], *, fixed: bool) -> Counter[str]:
     hexapod, position, rotation = draw(name, np.random.default_rng(seed))
     lengths = stp.leg_lengths(hexapod, position, rotation)
     modes = stp.AssemblySolver(hexapod).solve(lengths) if fixed else stp.assembly_modes(hexapod, lengths)
-    assert isinstance(modes, stp.AssemblyModes)
+    assert isinstance(modes, stp.hexapods.AssemblyModes)
     # The pose returns to round-off times the condition of its Jacobian.
     size = 1.0 + np.abs(position).max()
     jacobian = stp.leg_jacobian(hexapod, position, rotation)

@@ -27,7 +27,7 @@ MISSES = 5e-4
 
 
 def hits_of_newton(
-    hexapod: stp.Hexapod, lengths: np.ndarray, known: stp.AssemblyModes, rng: np.random.Generator
+    hexapod: stp.Hexapod, lengths: np.ndarray, known: stp.hexapods.AssemblyModes, rng: np.random.Generator
 ) -> np.ndarray:
     """Search from random poses; count the starts that end in each known pose."""
     size = lengths.mean()
@@ -78,7 +78,7 @@ def main() -> None:
             lengths = stp.leg_lengths(hexapod, *pose)
             solvers = {engine: stp.AssemblySolver(hexapod, engine=engine) for engine in ("numba", "numpy")}
             known = solvers["numba"].solve(lengths)
-            assert isinstance(known, stp.AssemblyModes)
+            assert isinstance(known, stp.hexapods.AssemblyModes)
             milliseconds, hits = _timed(partial(hits_of_newton, hexapod, lengths, known, rng))
             needed.append(starts_needed(hits))
             times.setdefault("multi-start Newton", []).append(milliseconds * needed[-1] / STARTS)

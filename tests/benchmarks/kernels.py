@@ -106,7 +106,7 @@ def ways(chain: stp.ClosedChain) -> tuple[dict[str, Way], dict[str, float]]:
     def closed_form() -> np.ndarray:
         return np.concatenate(
             [
-                stp.hexapod_inverse_dynamics(
+                stp.hexapods.hexapod_inverse_dynamics(
                     hexapod, bodies, pose[s, :3], rotation[s], twist[s], acceleration[s]
                 ).actuator
                 for s in (slice(k, k + 1024) for k in range(0, N, 1024))

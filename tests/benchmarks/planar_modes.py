@@ -56,12 +56,12 @@ def scan_in_numpy() -> list[int]:
 def modes_on_the_grid(planar: stp.PlanarRPR) -> list[int]:
     """Find all poses for each length, to round-off."""
     lengths = np.column_stack([np.full_like(LENGTHS, 5.0), LENGTHS, np.full_like(LENGTHS, 3.0)])
-    return stp.planar_assembly_modes_batch(planar, lengths).count.tolist()
+    return stp.planar.planar_assembly_modes_batch(planar, lengths).count.tolist()
 
 
 def transitions(planar: stp.PlanarRPR) -> list[int]:
     """Find the ends of the intervals, to round-off, and the counts between them."""
-    found = stp.planar_transition_lengths(planar, [5.0, 0.0, 3.0], 1)
+    found = stp.planar.planar_transition_lengths(planar, [5.0, 0.0, 3.0], 1)
     return found.counts[np.searchsorted(found.lengths, LENGTHS)].tolist()
 
 

@@ -33,7 +33,7 @@ def main() -> None:
     part, dt = steps // 10, 1e-3
     run = stp.simulate(chain, chain.q_home, v, springs, duration=dt, dt=dt)
 
-    def total(run: stp.Simulation) -> float:
+    def total(run: stp.simulation.Simulation) -> float:
         stretch = run.q[-1][index_q] - home
         return float(run.energy[-1] + stiffness * stretch @ stretch / 2)
 
@@ -43,7 +43,7 @@ def main() -> None:
     )
     for k in range(10):
         start = time.process_time()
-        run = stp.resume(
+        run = stp.simulation.resume(
             chain, run.final_state, springs, duration=part * dt, record_rate=1 / (part * dt)
         ).or_raise()
         cost = (time.process_time() - start) / part * 1e6

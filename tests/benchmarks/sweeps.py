@@ -24,12 +24,12 @@ import stewart_pin as stp
 
 INSTANTS = 400
 """States of a motion."""
-Way = Callable[[], stp.Sweep]
+Way = Callable[[], stp.sweeps.Sweep]
 
 
-def shake(chain: stp.ClosedChain, amplitude: float, frequency: float) -> stp.PlatformSamples:
+def shake(chain: stp.ClosedChain, amplitude: float, frequency: float) -> stp.motions.PlatformSamples:
     """Shake along x for a period."""
-    return stp.sinusoidal_motion(
+    return stp.motions.sinusoidal_motion(
         np.arange(INSTANTS) / INSTANTS / frequency,
         home=stp.platform_pose(chain, chain.q_home),
         amplitude=(amplitude * chain.length_scale, 0.0, 0.0),
@@ -61,7 +61,7 @@ def point_ways(side: int, workers: dict[str, Any], folder: Path) -> dict[str, Wa
     """Sweep a function that takes no time: what a point costs by itself."""
     axes = {"a": np.arange(float(side)), "b": np.arange(float(side))}
 
-    def journalled() -> stp.Sweep:
+    def journalled() -> stp.sweeps.Sweep:
         path = folder / "journal"
         path.unlink(missing_ok=True)
         return stp.sweep(product, axes, journal=path)

@@ -46,15 +46,15 @@ def read(folder: Path, more: str = "", **options: Any) -> stp.ClosedChain:
     return stp.load(path, **options)
 
 
-def still(t: float) -> stp.PlatformSamples:
-    return stp.PlatformSamples(
+def still(t: float) -> stp.motions.PlatformSamples:
+    return stp.motions.PlatformSamples(
         np.array([t]), np.zeros((1, 3)), np.eye(3)[None], np.zeros((1, 6)), np.zeros((1, 6))
     )
 
 
-def samples() -> stp.PlatformSamples:
+def samples() -> stp.motions.PlatformSamples:
     n = 3
-    return stp.PlatformSamples(
+    return stp.motions.PlatformSamples(
         np.arange(n) * 0.1,
         np.zeros((n, 3)),
         np.tile(np.eye(3), (n, 1, 1)),
@@ -71,25 +71,25 @@ ANSWERS: dict[str, Callable[[stp.ClosedChain, Path], Any]] = {
         c, c.q_home, np.zeros(3), np.zeros(3)
     ),
     "close_loops": lambda c, f: stp.close_loops(c, c.q_home + 0.01).q,
-    "closed_chain_articulated_body": lambda c, f: stp.closed_chain_articulated_body(
+    "closed_chain_articulated_body": lambda c, f: stp.dynamics.closed_chain_articulated_body(
         balls(c), c.q_home, np.zeros(3)
     ),
-    "closed_path": lambda c, f: stp.closed_path(
+    "closed_path": lambda c, f: stp.loops.closed_path(
         c, np.array([c.q_home, stp.close_loops(c, c.q_home + 0.01).q])
     )(0.5),
     "constraint_matrix_system": lambda c, f: stp.constraint_matrix_system(
         c, c.q_home, np.zeros(3), falling(c)
     ),
-    "constraint_models": lambda c, f: stp.constraint_models(balls(c)),
-    "displace_geometry": lambda c, f: stp.displace_geometry(c, {}),
+    "constraint_models": lambda c, f: stp.loops.constraint_models(balls(c)),
+    "displace_geometry": lambda c, f: stp.build.displace_geometry(c, {}),
     "export": lambda c, f: stp.export(c, f / "out.urdf"),
     "forward_dynamics": lambda c, f: stp.forward_dynamics(c, c.q_home, np.zeros(3)).a,
     "forward_dynamics_derivatives": lambda c, f: (
-        stp.forward_dynamics_derivatives(c, c.q_home, np.zeros(3)).a_q
+        stp.dynamics.forward_dynamics_derivatives(c, c.q_home, np.zeros(3)).a_q
     ),
-    "generic_freedom": lambda c, f: stp.generic_freedom(c).dof,
-    "geometry_parameters": lambda c, f: stp.geometry_parameters(c),
-    "joint_motor_map": lambda c, f: stp.joint_motor_map(c, c.q_home, joints=["c"], motors=["a"]),
+    "generic_freedom": lambda c, f: stp.loops.generic_freedom(c).dof,
+    "geometry_parameters": lambda c, f: stp.build.geometry_parameters(c),
+    "joint_motor_map": lambda c, f: stp.dynamics.joint_motor_map(c, c.q_home, joints=["c"], motors=["a"]),
     "joint_reactions": lambda c, f: stp.joint_reactions(
         c, c.q_home, np.zeros(3), stp.inverse_dynamics(c, c.q_home, np.zeros(3), falling(c), throw=False)
     ),
@@ -97,12 +97,12 @@ ANSWERS: dict[str, Callable[[stp.ClosedChain, Path], Any]] = {
     "loop_bias": lambda c, f: stp.loop_bias(c, c.q_home, np.zeros(3)),
     "loop_gap": lambda c, f: stp.loop_gap(c, c.q_home),
     "loop_jacobian": lambda c, f: stp.loop_jacobian(c, c.q_home),
-    "loop_jacobian_rate": lambda c, f: stp.loop_jacobian_rate(c, c.q_home, np.zeros(3)),
-    "loops_by_balls": lambda c, f: stp.loops_by_balls(c),
+    "loop_jacobian_rate": lambda c, f: stp.loops.loop_jacobian_rate(c, c.q_home, np.zeros(3)),
+    "loops_by_balls": lambda c, f: stp.build.loops_by_balls(c),
     "mobility": lambda c, f: stp.mobility(c),
     "motor_positions": lambda c, f: stp.motor_positions(c, c.q_home),
     "on_floating_base": lambda c, f: stp.on_floating_base(c, base_inertia=PAYLOAD),
-    "replace_inertias": lambda c, f: stp.replace_inertias(c, {}),
+    "replace_inertias": lambda c, f: stp.build.replace_inertias(c, {}),
     "simulate": lambda c, f: stp.simulate(c, c.q_home, np.zeros(3), duration=0.02, dt=1e-3).q,
     "with_limits": lambda c, f: stp.with_limits(c, {"a": {"velocity": 2.0}}),
     "with_motors": lambda c, f: stp.with_motors(c, ["a"]),
@@ -112,39 +112,44 @@ ANSWERS: dict[str, Callable[[stp.ClosedChain, Path], Any]] = {
 """Verbs that need neither platform nor motors."""
 
 MISSING: dict[str, tuple[str, Callable[[stp.ClosedChain], Any]]] = {
-    "all_forward_kinematics": ("motors", lambda c: stp.all_forward_kinematics(c, [])),
+    "all_forward_kinematics": ("motors", lambda c: stp.loops.all_forward_kinematics(c, [])),
     "attach_payload": ("platform", lambda c: stp.attach_payload(c, PAYLOAD)),
-    "classify_singularity": ("platform", lambda c: stp.classify_singularity(c, c.q_home)),
+    "classify_singularity": ("platform", lambda c: stp.singularities.classify_singularity(c, c.q_home)),
     "compare_methods": ("platform", lambda c: stp.compare_methods(c, samples())),
     "compile_kernels": ("platform", lambda c: stp.compile_kernels(c)),
     "find_singularity": (
         "platform",
-        lambda c: stp.find_singularity(c, np.array([c.q_home, stp.close_loops(c, c.q_home + 0.01).q])),
+        lambda c: stp.singularities.find_singularity(
+            c, np.array([c.q_home, stp.close_loops(c, c.q_home + 0.01).q])
+        ),
     ),
     "fit_to_limits": ("platform", lambda c: stp.fit_to_limits(c, still)),
     "forward_kinematics": ("motors", lambda c: stp.forward_kinematics(c, [])),
-    "hexapod_bodies": ("platform", lambda c: stp.hexapod_bodies(c)),
+    "hexapod_bodies": ("platform", lambda c: stp.hexapods.hexapod_bodies(c)),
     "inverse_dynamics": ("motors", lambda c: stp.inverse_dynamics(c, c.q_home, np.zeros(3), np.zeros(3))),
     "inverse_dynamics_derivatives": (
         "motors",
-        lambda c: stp.inverse_dynamics_derivatives(c, c.q_home, np.zeros(3), np.zeros(3)),
+        lambda c: stp.dynamics.inverse_dynamics_derivatives(c, c.q_home, np.zeros(3), np.zeros(3)),
     ),
     "inverse_kinematics": ("platform", lambda c: stp.inverse_kinematics(c, ONE)),
     "linearise": ("motors", lambda c: stp.linearise(c, c.q_home)),
     "massless_legs": ("platform", lambda c: stp.massless_legs(c)),
-    "motion_map": ("motors", lambda c: stp.motion_map(c, c.q_home)),
+    "motion_map": ("motors", lambda c: stp.dynamics.motion_map(c, c.q_home)),
     "motor_demand": ("platform", lambda c: stp.motor_demand(c, samples())),
     "motor_jacobian": ("platform", lambda c: stp.motor_jacobian(c, c.q_home)),
     "natural_frequencies": ("motors", lambda c: stp.natural_frequencies(c, c.q_home, motor_stiffness=1.0)),
     "operational_dynamics": ("motors", lambda c: stp.operational_dynamics(c, c.q_home)),
-    "planar_rpr": ("platform", lambda c: stp.planar_rpr(c)),
+    "planar_rpr": ("platform", lambda c: stp.planar.planar_rpr(c)),
     "platform_motion": ("platform", lambda c: stp.platform_motion(c, ONE, TWO, TWO)),
     "platform_pose": ("platform", lambda c: stp.platform_pose(c, c.q_home)),
-    "platform_stiffness": ("motors", lambda c: stp.platform_stiffness(c, c.q_home, motor_stiffness=1.0)),
-    "rotary_legs": ("platform", lambda c: stp.rotary_legs(c)),
-    "singularity_map": ("platform", lambda c: stp.singularity_map(c, [0.0, 0.1], [0.0, 0.1])),
-    "velocity_polytope": ("motors", lambda c: stp.velocity_polytope(c, c.q_home, rate_limit=1.0)),
-    "wrench_polytope": ("motors", lambda c: stp.wrench_polytope(c, c.q_home, effort_limit=1.0)),
+    "platform_stiffness": (
+        "motors",
+        lambda c: stp.dynamics.platform_stiffness(c, c.q_home, motor_stiffness=1.0),
+    ),
+    "rotary_legs": ("platform", lambda c: stp.rotary.rotary_legs(c)),
+    "singularity_map": ("platform", lambda c: stp.singularities.singularity_map(c, [0.0, 0.1], [0.0, 0.1])),
+    "velocity_polytope": ("motors", lambda c: stp.polytopes.velocity_polytope(c, c.q_home, rate_limit=1.0)),
+    "wrench_polytope": ("motors", lambda c: stp.polytopes.wrench_polytope(c, c.q_home, effort_limit=1.0)),
 }
 """Verbs that need a platform or motors, and which they ask for."""
 
@@ -153,7 +158,7 @@ ELSEWHERE = {"resume", "sweep_demand"}
 
 
 def balls(chain: stp.ClosedChain) -> stp.ClosedChain:
-    return stp.loops_by_balls(chain)
+    return stp.build.loops_by_balls(chain)
 
 
 def falling(chain: stp.ClosedChain) -> np.ndarray:
@@ -176,7 +181,7 @@ def test_a_gripper_loads(gripper: stp.ClosedChain) -> None:
     found = stp.mobility(gripper)
     # Four bars have one freedom; any one joint of one freedom holds them.
     assert found.dof == 1 and found.lost == 1 and len(found.suggestion) == 1
-    assert gripper.generic.count == stp.FreedomCount(dof=1, motor=0, platform=1, either=1)
+    assert gripper.generic.count == stp.loops.FreedomCount(dof=1, motor=0, platform=1, either=1)
 
 
 @pytest.mark.parametrize("verb", ANSWERS)
@@ -285,7 +290,7 @@ def test_hints_of_the_file_come_first(tmp_path: Path) -> None:
     chain = read(tmp_path, hint)
     assert chain.motors == ()
     with pytest.raises(MissingRoleError) as caught:
-        stp.motion_map(chain, chain.q_home)
+        stp.dynamics.motion_map(chain, chain.q_home)
     assert caught.value.candidates == ("c", "b", "a")
 
 

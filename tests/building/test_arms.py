@@ -31,7 +31,7 @@ def test_no_loops_give_empty_gaps(arm: stp.ClosedChain, rng: np.random.Generator
     closure = stp.close_loops(arm, q)
     assert closure.success
     np.testing.assert_array_equal(closure.q, q)
-    assert len(stp.constraint_models(arm)) == 0
+    assert len(stp.loops.constraint_models(arm)) == 0
 
 
 def test_dynamics_of_an_arm(arm: stp.ClosedChain, rng: np.random.Generator) -> None:

@@ -158,7 +158,7 @@ def test_three_formulations_agree_with_the_pelvis_held(
         v, _ = random_motion(fixed, rng, q)
         tau = rng.normal(0, 10, fixed.nu)
         motion = stp.forward_dynamics(fixed, q, v, tau)
-        passes = stp.closed_chain_articulated_body(fixed, q, v, tau)
+        passes = stp.dynamics.closed_chain_articulated_body(fixed, q, v, tau)
         # Rows of the Achilles rods are 1e-3 from dependent, which the passes square.
         assert np.abs(passes.a - motion.a).max() <= 1e-9 * np.abs(motion.a).max()
         for method in ("pinocchio", "constraint_matrix"):

@@ -14,13 +14,13 @@ from tests.closed_states import robot
 from tests.mechanisms import ONE, F, P, R, Z, at, body, turned, two_bodies
 
 
-def named(chain: stp.ClosedChain, text: str) -> stp.GeometryParameter:
-    return next(p for p in stp.geometry_parameters(chain) if str(p) == text)
+def named(chain: stp.ClosedChain, text: str) -> stp.build.GeometryParameter:
+    return next(p for p in stp.build.geometry_parameters(chain) if str(p) == text)
 
 
 def test_every_attachment_has_its_parameters() -> None:
     chain = robot("stewart")
-    parameters = stp.geometry_parameters(chain)
+    parameters = stp.build.geometry_parameters(chain)
     # Six legs of two hinges and a slide, each closed by one loop: three shifts and three turns of 3 + 2 frames.
     assert len(parameters) == len(set(parameters)) == 6 * (3 + 2) * 6
     assert not any(p.owner == "platform_pose" for p in parameters)
@@ -31,7 +31,7 @@ def test_every_attachment_has_its_parameters() -> None:
 def test_rods_have_a_length(rng: np.random.Generator) -> None:
     chain = two_bodies(JointKind.DISTANCE, rng)
     rod = named(chain, "loop 'loop': length")
-    longer = stp.displace_geometry(chain, {rod: 0.01})
+    longer = stp.build.displace_geometry(chain, {rod: 0.01})
     data = pin.Data(longer.model)
     pin.framesForwardKinematics(longer.model, data, longer.q_home)
     loop = chain.loops[0]
@@ -55,7 +55,7 @@ def test_feet_and_heads_of_a_hexapod_move_along_their_own_axes(rng: np.random.Ge
         named(chain, f"loop '{loop}', frame {frame}: shift {'xyz'[k]} in 'platform'"): head[k]
         for k in range(3)
     }
-    moved = stp.displace_geometry(chain, moves)
+    moved = stp.build.displace_geometry(chain, moves)
     after = stp.Hexapod.from_chain(moved)
     feet, heads = np.zeros((2, 6, 3))
     feet[2], heads[1] = shift, head
@@ -70,7 +70,7 @@ def test_a_turn_tilts_the_axis_about_the_frame(rng: np.random.Generator) -> None
     turn = rng.uniform(-0.3, 0.3, 3)
     joint = chain.mechanism.joint("joint2")
     moves = {named(chain, f"joint 'joint2': turn {'xyz'[k]} in '{joint.parent}'"): turn[k] for k in range(3)}
-    old, new = (x.model.jointPlacements[2] for x in (chain, stp.displace_geometry(chain, moves)))
+    old, new = (x.model.jointPlacements[2] for x in (chain, stp.build.displace_geometry(chain, moves)))
     np.testing.assert_array_equal(new.translation, old.translation)
     np.testing.assert_allclose(new.rotation @ old.rotation.T, pin.exp3(turn), atol=1e-15)
 
@@ -84,25 +84,25 @@ def test_axes_are_those_of_the_link_that_a_fixed_joint_turns(rng: np.random.Gene
         Joint("slide", P, "bracket", "tip", at(0.1), Z, independent=True),
     )
     chain = build_chain(Mechanism("bracketed", links, joints, platform="tip"))
-    moved = stp.displace_geometry(chain, {named(chain, "joint 'slide': shift y in 'bracket'"): 0.05})
+    moved = stp.build.displace_geometry(chain, {named(chain, "joint 'slide': shift y in 'bracket'"): 0.05})
     by = moved.model.jointPlacements[2].translation - chain.model.jointPlacements[2].translation
     np.testing.assert_allclose(by, bracket.rotation @ [0, 0.05, 0], atol=1e-15)
-    assert not any(p.owner == "bolt" for p in stp.geometry_parameters(chain))
+    assert not any(p.owner == "bolt" for p in stp.build.geometry_parameters(chain))
 
 
 def test_what_locks_or_does_not_exist_is_refused() -> None:
     chain = robot("five_bar")
     out_of_plane = named(chain, "joint 'left_hip': shift z in 'base'")
     with pytest.raises(ClosureError):
-        stp.displace_geometry(chain, {out_of_plane: 1e-3})
+        stp.build.displace_geometry(chain, {out_of_plane: 1e-3})
     with pytest.raises(InputError, match="finite"):
-        stp.displace_geometry(chain, {out_of_plane: float("nan")})
-    other = stp.geometry_parameters(robot("stewart"))[0]
+        stp.build.displace_geometry(chain, {out_of_plane: float("nan")})
+    other = stp.build.geometry_parameters(robot("stewart"))[0]
     with pytest.raises(InputError, match="is no parameter of five_bar"):
-        stp.displace_geometry(chain, {other: 1e-3})
+        stp.build.displace_geometry(chain, {other: 1e-3})
 
 
 def test_a_rod_without_length_is_no_mechanism(rng: np.random.Generator) -> None:
     chain = two_bodies(JointKind.DISTANCE, rng)
     with pytest.raises(MechanismError, match="length"):
-        stp.displace_geometry(chain, {named(chain, "loop 'loop': length"): -0.4})
+        stp.build.displace_geometry(chain, {named(chain, "loop 'loop': length"): -0.4})

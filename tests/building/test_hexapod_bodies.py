@@ -45,7 +45,7 @@ def test_bodies_stand_where_the_leg_has_them_whatever_their_frames() -> None:
         body.com, chain.mechanism.link("leg3_upper").inertia.lever + [0.01, 0, 0], atol=1e-15
     )
     # A rod beside the axis of its leg: methods that share no formula agree to round-off.
-    samples = stp.sinusoidal_motion(
+    samples = stp.motions.sinusoidal_motion(
         np.linspace(0, 1, 3),
         home=stp.platform_pose(moved, moved.q_home),
         amplitude=(0.1, 0, 0.05),

@@ -11,7 +11,7 @@ from stewart_pin.errors import InputError
 
 
 def test_estimated_bodies_are_a_disc_and_rods(report_ideal: stp.Hexapod) -> None:
-    bodies = stp.hexapod_inertias(report_ideal, platform=20.0, lower=2.0, upper=1.5, leg_length=1.0)
+    bodies = stp.hexapods.hexapod_inertias(report_ideal, platform=20.0, lower=2.0, upper=1.5, leg_length=1.0)
     assert [bodies[name].mass for name in ("platform", "lower", "upper")] == [20.0, 2.0, 1.5]
     np.testing.assert_allclose(
         bodies["platform"].lever, report_ideal.platform_points.mean(axis=0), atol=1e-15
@@ -30,13 +30,13 @@ def test_estimated_bodies_are_a_disc_and_rods(report_ideal: stp.Hexapod) -> None
 @pytest.mark.parametrize(
     "hexapod",
     [
-        stp.semi_regular_hexapod(0.5, 0.4, 0.2, 0.3),
-        stp.hexapod_6_3(0.5, 0.4, 0.2),
-        stp.cubic_hexapod(0.6, 0.4),
+        stp.hexapods.semi_regular_hexapod(0.5, 0.4, 0.2, 0.3),
+        stp.hexapods.hexapod_6_3(0.5, 0.4, 0.2),
+        stp.hexapods.cubic_hexapod(0.6, 0.4),
     ],
 )
 def test_every_design_becomes_a_robot(hexapod: stp.Hexapod, rng: np.random.Generator) -> None:
-    bodies = stp.hexapod_inertias(hexapod, platform=20.0, lower=2.0, upper=1.5)
+    bodies = stp.hexapods.hexapod_inertias(hexapod, platform=20.0, lower=2.0, upper=1.5)
     chain = stp.hexapod_chain(hexapod, **bodies)
     found = stp.mobility(chain)
     assert (found.dof, found.motors_sufficient, found.redundant_rows) == (6, True, 0)
@@ -53,20 +53,20 @@ def test_every_design_becomes_a_robot(hexapod: stp.Hexapod, rng: np.random.Gener
 
 def test_estimated_bodies_refuse_what_has_no_size(report_ideal: stp.Hexapod) -> None:
     with pytest.raises(InputError, match="upper must be a finite number above zero, got 0"):
-        stp.hexapod_inertias(report_ideal, platform=1.0, lower=1.0, upper=0.0)
+        stp.hexapods.hexapod_inertias(report_ideal, platform=1.0, lower=1.0, upper=0.0)
     point = stp.Hexapod(report_ideal.base_points, np.zeros((6, 3)))
     with pytest.raises(InputError, match="all platform points coincide"):
-        stp.hexapod_inertias(point, platform=1.0, lower=1.0, upper=1.0)
+        stp.hexapods.hexapod_inertias(point, platform=1.0, lower=1.0, upper=1.0)
 
 
 def test_bodies_are_made_for_a_leg_inside_the_stroke() -> None:
-    hexapod = stp.semi_regular_hexapod(0.5, 0.4, 0.2, 0.3)
+    hexapod = stp.hexapods.semi_regular_hexapod(0.5, 0.4, 0.2, 0.3)
     masses = {"platform": 20.0, "lower": 2.0, "upper": 1.5}
     for stroke in ((0.5, 0.8), (0.9, 1.3)):
-        made = stp.hexapod_inertias(hexapod, **masses, stroke=stroke)
+        made = stp.hexapods.hexapod_inertias(hexapod, **masses, stroke=stroke)
         assert 0.3 * stroke[0] <= np.linalg.norm(made["lower"].lever) <= 0.3 * stroke[1]
     with pytest.raises(InputError, match="beyond the stroke"):
-        stp.hexapod_inertias(hexapod, **masses, leg_length=2.0, stroke=(0.5, 0.8))
+        stp.hexapods.hexapod_inertias(hexapod, **masses, leg_length=2.0, stroke=(0.5, 0.8))
 
 
 def test_bodies_made_for_another_stroke_are_named() -> None:
@@ -77,12 +77,12 @@ def test_bodies_made_for_another_stroke_are_named() -> None:
         for radius, a in zip((0.95, 0.70), angles, strict=True)
     )
     hexapod = stp.Hexapod(base, platform)
-    blind = stp.hexapod_inertias(hexapod, platform=120.0, lower=18.0, upper=9.0)
+    blind = stp.hexapods.hexapod_inertias(hexapod, platform=120.0, lower=18.0, upper=9.0)
     report = stp.hexapod_chain(hexapod, **blind, stroke=(1.05, 1.6)).report
     assert [note.subject for note in report.notes] == ["inertia 'lower'", "inertia 'upper'"]
     assert "reaches 1.097 m along the leg" in str(report) and "the shortest leg has 1.05 m" in str(report)
     strokes: tuple[tuple[float, float], ...] = ((1.05, 1.6), (0.6, 2.2), (1.2, 2.0))
     for stroke in strokes:
-        told = stp.hexapod_inertias(hexapod, platform=120.0, lower=18.0, upper=9.0, stroke=stroke)
+        told = stp.hexapods.hexapod_inertias(hexapod, platform=120.0, lower=18.0, upper=9.0, stroke=stroke)
         assert stp.hexapod_chain(hexapod, **told, stroke=stroke).report.notes == ()
     assert stp.hexapod_chain(hexapod, **blind).report.notes == ()

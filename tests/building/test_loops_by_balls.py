@@ -26,7 +26,7 @@ CHAINS = {
 @pytest.mark.parametrize("make", CHAINS.values(), ids=CHAINS)
 def test_the_motions_and_efforts_are_the_same(make, rng: np.random.Generator) -> None:
     chain = make(rng)
-    by_balls = stp.loops_by_balls(chain)
+    by_balls = stp.build.loops_by_balls(chain)
     assert {loop.kind for loop in by_balls.loops} == {JointKind.SPHERICAL}
     assert stp.mobility(by_balls).dof == stp.mobility(chain).dof
     step = pin.integrate(chain.model, chain.q_home, 0.1 * rng.normal(size=chain.nv))
@@ -44,11 +44,11 @@ def test_the_motions_and_efforts_are_the_same(make, rng: np.random.Generator) ->
 
 
 def test_balls_stand_apart_as_told() -> None:
-    first, second = stp.loops_by_balls(stp.load("five_bar"), distance=0.08).loops
+    first, second = stp.build.loops_by_balls(stp.load("five_bar"), distance=0.08).loops
     gap = first.placement1.translation - second.placement1.translation
     assert np.linalg.norm(gap) == pytest.approx(0.08, rel=1e-12)
     with pytest.raises(InputError, match="distance"):
-        stp.loops_by_balls(stp.load("five_bar"), distance=0.0)
+        stp.build.loops_by_balls(stp.load("five_bar"), distance=0.0)
 
 
 @pytest.mark.parametrize(
@@ -56,12 +56,12 @@ def test_balls_stand_apart_as_told() -> None:
 )
 def test_loops_that_no_balls_replace_are_named(kind: JointKind, rng: np.random.Generator) -> None:
     with pytest.raises(UnsupportedError, match=f"loop 'loop' is of type '{kind}'"):
-        stp.loops_by_balls(two_bodies(kind, rng))
+        stp.build.loops_by_balls(two_bodies(kind, rng))
 
 
 @pytest.mark.parametrize("format", ["drake", "isaac", "gepetto"])
 def test_hinges_get_into_formats_that_know_balls_only(format: str, tmp_path: Path) -> None:
-    chain = stp.loops_by_balls(stp.load("five_bar"))
+    chain = stp.build.loops_by_balls(stp.load("five_bar"))
     stp.export(chain, tmp_path / "a.urdf", format=format)
     again = stp.load(tmp_path / "a.urdf")
     assert [loop.name for loop in again.loops] == [loop.name for loop in chain.loops]

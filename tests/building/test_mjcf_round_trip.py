@@ -104,7 +104,7 @@ def test_closed_forms_of_hexapods_take_what_was_read(name: str, tmp_path: Path) 
     mine, other = (stp.Hexapod.from_chain(x) for x in (chain, there_and_back(chain, tmp_path)))
     np.testing.assert_allclose(other.base_points, mine.base_points, rtol=0, atol=TOLERANCE)
     np.testing.assert_allclose(other.platform_points, mine.platform_points, rtol=0, atol=TOLERANCE)
-    mine, other = (stp.hexapod_bodies(x) for x in (chain, there_and_back(chain, tmp_path)))
+    mine, other = (stp.hexapods.hexapod_bodies(x) for x in (chain, there_and_back(chain, tmp_path)))
     assert other.lower_joint == mine.lower_joint
     for one, two in zip((mine.platform, *mine.lower), (other.platform, *other.lower), strict=True):
         assert two.mass == one.mass

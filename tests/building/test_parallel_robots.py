@@ -90,15 +90,15 @@ def test_planar_platform_of_the_exercise(rng: np.random.Generator) -> None:
         q = random_configuration(chain, rng)
         pose = stp.platform_pose(chain, q)
         angle = float(Rotation.from_matrix(pose.rotation).as_rotvec()[2])
-        lengths = stp.planar_leg_lengths(planar, pose.translation[:2], angle)
+        lengths = stp.planar.planar_leg_lengths(planar, pose.translation[:2], angle)
         np.testing.assert_allclose(stp.motor_positions(chain, q), lengths, atol=1e-12)
-        expected = stp.planar_leg_jacobian(planar, pose.translation[:2], angle)
+        expected = stp.planar.planar_leg_jacobian(planar, pose.translation[:2], angle)
         np.testing.assert_allclose(stp.motor_jacobian(chain, q)[:, [0, 1, 5]], expected, atol=1e-9)
 
 
-def delta() -> stp.RotaryLegs:
+def delta() -> stp.rotary.RotaryLegs:
     """Return the geometry that its SOURCE.md gives."""
-    return stp.delta_legs(
+    return stp.rotary.delta_legs(
         base_radius=0.4573 / (2 * np.sqrt(3)),
         platform_radius=0.115 / (2 * np.sqrt(3)),
         crank=0.112,
@@ -106,7 +106,7 @@ def delta() -> stp.RotaryLegs:
     )
 
 
-def rotary_hexapod() -> stp.RotaryLegs:
+def rotary_hexapod() -> stp.rotary.RotaryLegs:
     """Return the geometry that its SOURCE.md gives."""
     side = np.tile([-1.0, 1.0], 3)
     foot, head = np.repeat(THIRDS, 2) + 0.25 * side, np.repeat(THIRDS, 2) + (np.pi / 3 - 0.2) * side
@@ -116,18 +116,20 @@ def rotary_hexapod() -> stp.RotaryLegs:
 
     out = on_circle(foot)
     zeros = side[:, None] * np.cross([0, 0, 1], out)
-    return stp.RotaryLegs(0.3 * out, np.cross(zeros, [0, 0, 1]), zeros, 0.2 * on_circle(head), 0.12, 0.45)
+    return stp.rotary.RotaryLegs(
+        0.3 * out, np.cross(zeros, [0, 0, 1]), zeros, 0.2 * on_circle(head), 0.12, 0.45
+    )
 
 
 @pytest.mark.parametrize(("name", "legs"), [("delta", delta()), ("hexapod_rss", rotary_hexapod())])
-def test_rotary_legs_in_closed_form(name: str, legs: stp.RotaryLegs, rng: np.random.Generator) -> None:
+def test_rotary_legs_in_closed_form(name: str, legs: stp.rotary.RotaryLegs, rng: np.random.Generator) -> None:
     chain = robot(name)
     for _ in range(5):
         q = random_configuration(chain, rng)
         pose = stp.platform_pose(chain, q)
-        angles = stp.crank_angles(legs, pose.translation, pose.rotation).angle[:, 0]
+        angles = stp.rotary.crank_angles(legs, pose.translation, pose.rotation).angle[:, 0]
         np.testing.assert_allclose(stp.motor_positions(chain, q), angles, atol=1e-10)
-        expected = stp.crank_jacobian(legs, pose.translation, pose.rotation, angles)
+        expected = stp.rotary.crank_jacobian(legs, pose.translation, pose.rotation, angles)
         found = stp.motor_jacobian(chain, q)
         columns = slice(3 if name == "delta" else 6)  # the platform of a Delta does not turn
         np.testing.assert_allclose(found[:, columns], expected[:, columns], rtol=1e-8, atol=1e-8)
@@ -140,7 +142,9 @@ def test_inverse_kinematics_of_the_rotary_hexapod(rng: np.random.Generator) -> N
         turn = pin.exp3(rng.uniform(-0.15, 0.15, 3))
         pose = pin.SE3(turn, home.translation + rng.uniform(-0.04, 0.04, 3))
         q = stp.inverse_kinematics(chain, pose).q
-        angles = stp.crank_angles(legs, pose.translation, pose.rotation, limits=(-1.5, 1.5)).angle[:, 0]
+        angles = stp.rotary.crank_angles(legs, pose.translation, pose.rotation, limits=(-1.5, 1.5)).angle[
+            :, 0
+        ]
         np.testing.assert_allclose(stp.motor_positions(chain, q), angles, atol=1e-10)
 
 
@@ -150,6 +154,6 @@ def test_forward_kinematics_of_the_delta(rng: np.random.Generator) -> None:
         angle = np.pi / 4 + rng.uniform(-0.3, 0.3, 3)
         pose = stp.platform_pose(chain, stp.forward_kinematics(chain, angle).q)
         np.testing.assert_allclose(
-            pose.translation, stp.delta_positions(delta(), angle).position[0], atol=1e-12
+            pose.translation, stp.rotary.delta_positions(delta(), angle).position[0], atol=1e-12
         )
         np.testing.assert_allclose(pose.rotation, np.eye(3), atol=1e-12)

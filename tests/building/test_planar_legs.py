@@ -23,20 +23,20 @@ ANCHORS = [[0, 0], [5, 0], [0, 6]]
 def test_the_bundled_platform(rewritten: bool, rng: np.random.Generator) -> None:
     chain = recut(robot("rpr_planar")) if rewritten else robot("rpr_planar")
     assert chain is not None
-    planar = stp.planar_rpr(chain)
+    planar = stp.planar.planar_rpr(chain)
     np.testing.assert_allclose(planar.anchors, ANCHORS, atol=1e-12)
     np.testing.assert_allclose(planar.corners, CORNERS, atol=1e-12)
     q = random_configuration(chain, rng)
     pose = stp.platform_pose(chain, q)
     angle = np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0])
-    lengths = stp.planar_leg_lengths(planar, pose.translation[:2], angle)
+    lengths = stp.planar.planar_leg_lengths(planar, pose.translation[:2], angle)
     np.testing.assert_allclose(stp.motor_positions(chain, q), lengths, atol=1e-11)
 
 
 def test_platform_frame_and_order() -> None:
     chain = stp.with_motors(robot("rpr_planar"), ["leg3", "leg1", "leg2"])
     frame = pin.SE3(pin.rpy.rpyToMatrix(0, 0, 0.4), np.array([1.0, 0.5, 0.2]))
-    planar = stp.planar_rpr(stp.with_platform(chain, "platform", placement=frame))
+    planar = stp.planar.planar_rpr(stp.with_platform(chain, "platform", placement=frame))
     np.testing.assert_allclose(planar.anchors, np.array(ANCHORS)[[2, 0, 1]], atol=1e-12)
     back = planar.corners @ frame.rotation[:2, :2].T + frame.translation[:2]
     np.testing.assert_allclose(back, np.array(CORNERS)[[2, 0, 1]], atol=1e-12)
@@ -76,4 +76,4 @@ def changed(**joints):
 )
 def test_other_chains_are_refused(chain, words: str) -> None:
     with pytest.raises(UnsupportedError, match=words):
-        stp.planar_rpr(chain())
+        stp.planar.planar_rpr(chain())

@@ -59,7 +59,7 @@ def test_overconstrained_loops_keep_their_freedom(name: str, style: str, tmp_pat
 @pytest.mark.parametrize("format", ["drake", "isaac", "gepetto", "mjcf"])
 @pytest.mark.parametrize("name", ["crank_rocker", "bennett"])
 def test_every_dialect_keeps_them(name: str, format: str, style: str, tmp_path: Path) -> None:
-    exact = stp.loops_by_balls(turned_frames(zoo_chain(name), seed=4))
+    exact = stp.build.loops_by_balls(turned_frames(zoo_chain(name), seed=4))
     path = tmp_path / ("printed.xml" if format == "mjcf" else "printed.urdf")
     stp.export(exact, path, format=format)
     for file in tmp_path.iterdir():
@@ -74,7 +74,7 @@ def test_every_dialect_keeps_them(name: str, format: str, style: str, tmp_path: 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_middle_between_two_families_is_left(seed: int, tmp_path: Path) -> None:
     # Two balls a hinge, as Drake has it: near Sarrus' linkage several families of mobile linkages meet.
-    exact = stp.loops_by_balls(turned_frames(zoo_chain("sarrus"), seed=seed))
+    exact = stp.build.loops_by_balls(turned_frames(zoo_chain("sarrus"), seed=seed))
     path = tmp_path / "printed.xml"
     stp.export(exact, path, format="mjcf")
     round_places(path, "6f")

@@ -111,7 +111,7 @@ def test_a_payload_is_inertia_added_by_hand(name: str, link, carrier: str, rng: 
     chain = robot(name)
     loaded = stp.attach_payload(chain, BOX, link=link, placement=PLACED)
     sum_of_both = chain.mechanism.link(carrier).inertia + PLACED.act(BOX)
-    by_hand = stp.replace_inertias(chain, {carrier: sum_of_both})
+    by_hand = stp.build.replace_inertias(chain, {carrier: sum_of_both})
     q = random_configuration(chain, rng)
     v, a = random_motion(chain, rng, q)
     for method in ("pinocchio", "constraint_matrix"):
@@ -129,7 +129,9 @@ def test_a_payload_on_a_link_without_inertia(rng: np.random.Generator) -> None:
     chain = robot("four_bar")
     loaded = stp.attach_payload(chain, BOX, placement=PLACED)
     at = pin.SE3(np.eye(3), np.array([0.06, 0, 0])) * PLACED
-    by_hand = stp.replace_inertias(chain, {"coupler": chain.mechanism.link("coupler").inertia + at.act(BOX)})
+    by_hand = stp.build.replace_inertias(
+        chain, {"coupler": chain.mechanism.link("coupler").inertia + at.act(BOX)}
+    )
     q = random_configuration(chain, rng)
     v, a = random_motion(chain, rng, q)
     one, two = (stp.inverse_dynamics(x, q, v, a).tau_motor for x in (by_hand, loaded))

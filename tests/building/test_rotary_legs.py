@@ -23,10 +23,10 @@ FIELDS = ("base_points", "axes", "zeros", "platform_points", "cranks", "rods")
 
 @pytest.mark.parametrize(("name", "expected"), [("delta", delta()), ("hexapod_rss", hexapod_of_the_source())])
 @pytest.mark.parametrize("rewritten", [False, True])
-def test_bundled_robots(name: str, expected: stp.RotaryLegs, rewritten: bool) -> None:
+def test_bundled_robots(name: str, expected: stp.rotary.RotaryLegs, rewritten: bool) -> None:
     chain = recut(robot(name)) if rewritten else robot(name)
     assert chain is not None
-    found = stp.rotary_legs(chain)
+    found = stp.rotary.rotary_legs(chain)
     for field in FIELDS:
         np.testing.assert_allclose(getattr(found, field), getattr(expected, field), atol=1e-12)
 
@@ -34,29 +34,29 @@ def test_bundled_robots(name: str, expected: stp.RotaryLegs, rewritten: bool) ->
 def test_balls_in_the_tree(rng: np.random.Generator) -> None:
     """The same leg built of spherical joints: crank angles in closed form are the motor positions everywhere."""
     chain = rotary_hexapod()
-    legs = stp.rotary_legs(chain)
+    legs = stp.rotary.rotary_legs(chain)
     np.testing.assert_allclose(legs.rods, 0.45, rtol=1e-12)
     for _ in range(5):
         q = random_configuration(chain, rng)
         pose = stp.platform_pose(chain, q)
-        angles = stp.crank_angles(legs, pose.translation, pose.rotation).angle
+        angles = stp.rotary.crank_angles(legs, pose.translation, pose.rotation).angle
         apart = np.abs(angles - stp.motor_positions(chain, q)[:, None])
         assert apart.min(axis=1).max() < 1e-10
 
 
 def test_unit_platform_frame_and_order() -> None:
     chain = robot("hexapod_rss")
-    in_mm = stp.rotary_legs(in_other_unit(chain, 1e3))
-    np.testing.assert_allclose(in_mm.base_points, 1e3 * stp.rotary_legs(chain).base_points, atol=1e-9)
+    in_mm = stp.rotary.rotary_legs(in_other_unit(chain, 1e3))
+    np.testing.assert_allclose(in_mm.base_points, 1e3 * stp.rotary.rotary_legs(chain).base_points, atol=1e-9)
     frame = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([0.0, 0.05, 0.1]))
-    moved = stp.rotary_legs(stp.with_platform(chain, "platform", placement=frame))
+    moved = stp.rotary.rotary_legs(stp.with_platform(chain, "platform", placement=frame))
     np.testing.assert_allclose(
         moved.platform_points @ frame.rotation.T + frame.translation,
-        stp.rotary_legs(chain).platform_points,
+        stp.rotary.rotary_legs(chain).platform_points,
         atol=1e-14,
     )
-    back = stp.rotary_legs(stp.with_motors(chain, chain.motors[::-1]))
-    np.testing.assert_array_equal(back.base_points, stp.rotary_legs(chain).base_points[::-1])
+    back = stp.rotary.rotary_legs(stp.with_motors(chain, chain.motors[::-1]))
+    np.testing.assert_array_equal(back.base_points, stp.rotary.rotary_legs(chain).base_points[::-1])
 
 
 def test_counterweights_are_no_rods() -> None:
@@ -65,7 +65,7 @@ def test_counterweights_are_no_rods() -> None:
     chain = build_chain(
         replace(old, links=(*old.links, Link("weight", rod(0.1))), joints=(*old.joints, weight)),
     )
-    found, expected = stp.rotary_legs(chain), stp.rotary_legs(robot("hexapod_rss"))
+    found, expected = stp.rotary.rotary_legs(chain), stp.rotary.rotary_legs(robot("hexapod_rss"))
     np.testing.assert_allclose(found.base_points, expected.base_points, atol=1e-14)
 
 
@@ -91,7 +91,7 @@ def test_counterweights_are_no_rods() -> None:
 )
 def test_other_legs_are_refused_by_name(chain, words: str) -> None:
     with pytest.raises(UnsupportedError, match=words):
-        stp.rotary_legs(chain())
+        stp.rotary.rotary_legs(chain())
 
 
 def test_rods_that_are_not_parallel_are_two_legs_on_one_crank() -> None:
@@ -106,7 +106,7 @@ def test_rods_that_are_not_parallel_are_two_legs_on_one_crank() -> None:
         replace(old, loops=tuple(map(wider, old.loops)), home={}), motors=["motor1", "motor2", "motor3"]
     )
     with pytest.raises(UnsupportedError, match="the two rods of its crank are not parallel"):
-        stp.rotary_legs(bent)
+        stp.rotary.rotary_legs(bent)
 
 
 def test_the_crank_may_stand_beside_its_axis_frame() -> None:
@@ -124,14 +124,14 @@ def test_the_crank_may_stand_beside_its_axis_frame() -> None:
         )
 
     chain = build_chain(replace(old, joints=tuple(map(shifted, old.joints))))
-    found = stp.rotary_legs(chain)
+    found = stp.rotary.rotary_legs(chain)
     for field in FIELDS:
         np.testing.assert_allclose(getattr(found, field), getattr(delta(), field), atol=1e-12)
 
 
 def test_rods_between_universal_joints_hold_more_than_a_distance() -> None:
     chain = stp.lock_joints(robot("hexapod_rss"), [f"rod{k}_spin" for k in range(1, 7)])
-    assert len(stp.rotary_legs(chain).rods) == 6  # a cross and a ball will do
+    assert len(stp.rotary.rotary_legs(chain).rods) == 6  # a cross and a ball will do
     old, data = chain.described(), pin.Data(chain.model)
     pin.framesForwardKinematics(chain.model, data, chain.q_home)
 
@@ -143,4 +143,4 @@ def test_rods_between_universal_joints_hold_more_than_a_distance() -> None:
 
     stiff = build_chain(replace(old, loops=tuple(map(crossed, old.loops))))
     with pytest.raises(UnsupportedError, match="five or six joint axes"):
-        stp.rotary_legs(stiff)
+        stp.rotary.rotary_legs(stiff)

@@ -77,7 +77,7 @@ def test_a_platform_without_mass_cannot_be_a_point(tmp_path: Path) -> None:
 
 def test_replaced_inertias_reach_the_model() -> None:
     heavy = pin.Inertia(7.0, np.array([0.1, 0, 0]), np.eye(3))
-    chain = stp.replace_inertias(stp.load("stewart"), {"leg2_lower": heavy})
+    chain = stp.build.replace_inertias(stp.load("stewart"), {"leg2_lower": heavy})
     assert chain.mechanism.link("leg2_lower").inertia.mass == 7.0
     assert pin.computeTotalMass(chain.model) == pytest.approx(20 + 6 * 3.5 + 5, rel=1e-15)
 
@@ -93,4 +93,4 @@ def test_replaced_inertias_reach_the_model() -> None:
 )  # fmt: skip
 def test_bad_inertias_are_named(inertias: dict, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
-        stp.replace_inertias(stp.load("stewart"), inertias)
+        stp.build.replace_inertias(stp.load("stewart"), inertias)

@@ -51,8 +51,8 @@ def test_figures_are_those_of_each_motion(run, tmp_path: Path) -> None:
     chain = stp.load("stewart")
     peaks = np.array(written["results"]["peak_effort"])
 
-    def motion(amplitude: float, frequency: float, scale: float = 1.0) -> stp.PlatformSamples:
-        return stp.sinusoidal_motion(
+    def motion(amplitude: float, frequency: float, scale: float = 1.0) -> stp.motions.PlatformSamples:
+        return stp.motions.sinusoidal_motion(
             np.arange(40) / 40 / frequency,
             home=stp.platform_pose(chain, chain.q_home),
             amplitude=(0.0, scale * amplitude, 0.0),

@@ -8,7 +8,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import InputError
 
-EVEN = stp.RigidBody(1.0, [0, 0, 0.2], np.diag([0.02, 0.02, 0.001]))
+EVEN = stp.hexapods.RigidBody(1.0, [0, 0, 0.2], np.diag([0.02, 0.02, 0.001]))
 
 
 @pytest.mark.parametrize(
@@ -27,19 +27,21 @@ EVEN = stp.RigidBody(1.0, [0, 0, 0.2], np.diag([0.02, 0.02, 0.001]))
 )
 def test_impossible_bodies_are_named(mass, com, inertia, words) -> None:
     with pytest.raises(InputError, match=words):
-        stp.RigidBody(mass, com, inertia)
+        stp.hexapods.RigidBody(mass, com, inertia)
 
 
 def test_extreme_bodies_are_allowed(rng: np.random.Generator) -> None:
-    stp.RigidBody(0.0, np.zeros(3), np.zeros((3, 3)))
-    stp.RigidBody(1.0, np.zeros(3), np.diag([1.0, 1.0, 0.0]))  # a thin rod
+    stp.hexapods.RigidBody(0.0, np.zeros(3), np.zeros((3, 3)))
+    stp.hexapods.RigidBody(1.0, np.zeros(3), np.diag([1.0, 1.0, 0.0]))  # a thin rod
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    stp.RigidBody(1.0, np.zeros(3), turn @ np.diag([1.0, 2.0, 3.0]) @ turn.T)  # a plate, with round-off
+    stp.hexapods.RigidBody(
+        1.0, np.zeros(3), turn @ np.diag([1.0, 2.0, 3.0]) @ turn.T
+    )  # a plate, with round-off
 
 
 def test_a_body_keeps_a_copy_that_cannot_change() -> None:
     com = np.zeros(3)
-    body = stp.RigidBody(1.0, com, np.eye(3))
+    body = stp.hexapods.RigidBody(1.0, com, np.eye(3))
     com[0] = 1.0
     assert body.com[0] == 0.0
     with pytest.raises(ValueError, match="read-only"):
@@ -58,11 +60,11 @@ def test_a_body_keeps_a_copy_that_cannot_change() -> None:
     ],
 )
 def test_axial_symmetry_is_recognised(com, inertia, expected: bool) -> None:
-    assert stp.RigidBody(1.0, com, inertia).is_axisymmetric() is expected
+    assert stp.hexapods.RigidBody(1.0, com, inertia).is_axisymmetric() is expected
 
 
 def test_one_leg_stands_for_six() -> None:
-    bodies = stp.HexapodBodies(EVEN, EVEN, [EVEN] * 6)
+    bodies = stp.hexapods.HexapodBodies(EVEN, EVEN, [EVEN] * 6)
     assert bodies.lower == bodies.upper == (EVEN,) * 6
 
 
@@ -78,4 +80,4 @@ def test_one_leg_stands_for_six() -> None:
 )
 def test_impossible_platforms_are_named(platform, lower, upper, joint, words) -> None:
     with pytest.raises(InputError, match=words):
-        stp.HexapodBodies(platform, lower, upper, joint)
+        stp.hexapods.HexapodBodies(platform, lower, upper, joint)

@@ -14,7 +14,7 @@ THIRD = Rotation.from_rotvec([0, 0, 2 * np.pi / 3])
 
 @pytest.mark.parametrize("leg", [0.3, 0.2, 0.05])
 def test_the_cube_is_orthogonal_and_decoupled_at_home(leg: float) -> None:
-    hexapod, home = stp.cubic_hexapod(0.3, leg), [0, 0, leg / (2 * np.sqrt(3))]
+    hexapod, home = stp.hexapods.cubic_hexapod(0.3, leg), [0, 0, leg / (2 * np.sqrt(3))]
     np.testing.assert_allclose(stp.leg_lengths(hexapod, home, np.eye(3)), leg, rtol=1e-14)
     jacobian = stp.leg_jacobian(hexapod, home, np.eye(3))
     # Three pairs of parallel legs, along three orthogonal directions; neighbours are orthogonal.
@@ -27,7 +27,7 @@ def test_the_cube_is_orthogonal_and_decoupled_at_home(leg: float) -> None:
 
 
 def test_legs_of_the_cube_lie_on_edges_of_one_cube() -> None:
-    short, whole = stp.cubic_hexapod(0.3, 0.1), stp.cubic_hexapod(0.3)
+    short, whole = stp.hexapods.cubic_hexapod(0.3, 0.1), stp.hexapods.cubic_hexapod(0.3)
     lift = np.array([0, 0, 0.1]) / (2 * np.sqrt(3)), np.array([0, 0, 0.3]) / (2 * np.sqrt(3))
     # From the centre of the cube: lower ends, upper ends and middles of both are on the same lines.
     for near, far in ((short.base_points - lift[0], whole.base_points - lift[1]),):
@@ -40,7 +40,7 @@ def test_legs_of_the_cube_lie_on_edges_of_one_cube() -> None:
 
 
 def test_semi_regular_hexagons() -> None:
-    hexapod = stp.semi_regular_hexapod(0.5, 0.4, 0.2, 0.3)
+    hexapod = stp.hexapods.semi_regular_hexapod(0.5, 0.4, 0.2, 0.3)
     for points, radius, half, middle in (
         (hexapod.base_points, 0.5, 0.2, 0.0),
         (hexapod.platform_points, 0.4, 0.3, np.pi / 3),
@@ -61,8 +61,8 @@ def test_semi_regular_hexagons() -> None:
 
 def test_similar_hexagons_are_singular_in_every_pose(rng: np.random.Generator) -> None:
     with pytest.raises(InputError, match=r"add up to 60°: .* singular in every pose"):
-        stp.semi_regular_hexapod(0.5, 0.4, 0.3, np.pi / 3 - 0.3)
-    near = stp.semi_regular_hexapod(0.5, 0.4, 0.3, 0.3)
+        stp.hexapods.semi_regular_hexapod(0.5, 0.4, 0.3, np.pi / 3 - 0.3)
+    near = stp.hexapods.semi_regular_hexapod(0.5, 0.4, 0.3, 0.3)
     twin = stp.Hexapod(near.base_points, 0.8 * near.base_points)
     for hexapod, singular in ((twin, True), (near, False)):
         for _ in range(5):
@@ -73,7 +73,7 @@ def test_similar_hexagons_are_singular_in_every_pose(rng: np.random.Generator) -
 
 
 def test_6_3_has_three_points_above_and_16_poses() -> None:
-    hexapod = stp.hexapod_6_3(0.5, 0.4, 0.2)
+    hexapod = stp.hexapods.hexapod_6_3(0.5, 0.4, 0.2)
     meeting = hexapod.platform_points[[1, 3, 5]], hexapod.platform_points[[2, 4, 0]]
     np.testing.assert_allclose(*meeting, atol=1e-15)
     np.testing.assert_allclose(np.degrees(np.arctan2(meeting[0][0, 1], meeting[0][0, 0])), 60, atol=1e-12)
@@ -87,13 +87,22 @@ def test_6_3_has_three_points_above_and_16_poses() -> None:
     ("build", "words"),
     [
         (
-            lambda: stp.semi_regular_hexapod(0, 1, 0.1, 0.1),
+            lambda: stp.hexapods.semi_regular_hexapod(0, 1, 0.1, 0.1),
             "base_radius must be a finite number above zero, got 0",
         ),
-        (lambda: stp.semi_regular_hexapod(1, 1, -0.1, 0.1), "base_half_angle must be from 0 to below π/3"),
-        (lambda: stp.hexapod_6_3(1, 1, 1.1), "base_half_angle must be from 0 to below π/3 .*, got 1.1 rad"),
-        (lambda: stp.cubic_hexapod(0.3, 0.31), "leg must be at most the cube's edge of 0.3 m, got 0.31"),
-        (lambda: stp.cubic_hexapod(np.nan), "edge must be a finite number above zero"),
+        (
+            lambda: stp.hexapods.semi_regular_hexapod(1, 1, -0.1, 0.1),
+            "base_half_angle must be from 0 to below π/3",
+        ),
+        (
+            lambda: stp.hexapods.hexapod_6_3(1, 1, 1.1),
+            "base_half_angle must be from 0 to below π/3 .*, got 1.1 rad",
+        ),
+        (
+            lambda: stp.hexapods.cubic_hexapod(0.3, 0.31),
+            "leg must be at most the cube's edge of 0.3 m, got 0.31",
+        ),
+        (lambda: stp.hexapods.cubic_hexapod(np.nan), "edge must be a finite number above zero"),
     ],
 )
 def test_bad_designs_are_named(build, words: str) -> None:

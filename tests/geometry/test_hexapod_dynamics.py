@@ -27,26 +27,26 @@ NODES = np.arange(-4, 5)
 H = 0.02  # [s, m, rad]: truncation (rate h)⁸ / 630 and round-off eps / h² both near 1e-12
 
 
-def real_bodies(lower_joint: str = "universal") -> stp.HexapodBodies:
-    return stp.HexapodBodies(
-        stp.RigidBody(20.0, [0, 0, 0], np.diag([1.5, 1.5, 2.8])),
-        stp.RigidBody(2.0, [0, 0, 0.2], np.diag([0.03, 0.03, 0.002])),
-        stp.RigidBody(1.5, [0, 0, -0.2], np.diag([0.02, 0.02, 0.001])),
+def real_bodies(lower_joint: str = "universal") -> stp.hexapods.HexapodBodies:
+    return stp.hexapods.HexapodBodies(
+        stp.hexapods.RigidBody(20.0, [0, 0, 0], np.diag([1.5, 1.5, 2.8])),
+        stp.hexapods.RigidBody(2.0, [0, 0, 0.2], np.diag([0.03, 0.03, 0.002])),
+        stp.hexapods.RigidBody(1.5, [0, 0, -0.2], np.diag([0.02, 0.02, 0.001])),
         lower_joint,
     )
 
 
-def random_body(rng: np.random.Generator, mass: float, com: list[float]) -> stp.RigidBody:
+def random_body(rng: np.random.Generator, mass: float, com: list[float]) -> stp.hexapods.RigidBody:
     half = 0.15 * rng.normal(size=(3, 3))
     second_moments = mass * half @ half.T  # positive semidefinite: the triangle inequality holds
     inertia = np.trace(second_moments) * np.eye(3) - second_moments
-    return stp.RigidBody(mass, com + 0.1 * rng.normal(size=3), inertia)
+    return stp.hexapods.RigidBody(mass, com + 0.1 * rng.normal(size=3), inertia)
 
 
-def random_bodies(rng: np.random.Generator) -> stp.HexapodBodies:
+def random_bodies(rng: np.random.Generator) -> stp.hexapods.HexapodBodies:
     lower = tuple(random_body(rng, 2.0, [0, 0, 0.2]) for _ in range(6))
     upper = tuple(random_body(rng, 1.5, [0, 0, -0.2]) for _ in range(6))
-    return stp.HexapodBodies(random_body(rng, 20.0, [0, 0, 0.05]), lower, upper)
+    return stp.hexapods.HexapodBodies(random_body(rng, 20.0, [0, 0, 0.05]), lower, upper)
 
 
 def random_states(rng: np.random.Generator, *shape: int) -> tuple[np.ndarray, ...]:
@@ -58,7 +58,7 @@ def random_states(rng: np.random.Generator, *shape: int) -> tuple[np.ndarray, ..
 # --- Pinocchio: legs opened at the platform, tip forces found from the balance of all bodies ---------------
 
 
-def open_tree(hexapod: stp.Hexapod, bodies: stp.HexapodBodies) -> pin.Model:
+def open_tree(hexapod: stp.Hexapod, bodies: stp.hexapods.HexapodBodies) -> pin.Model:
     model = pin.Model()
     model.gravity.linear = GRAVITY
     turns = [pin.JointModelRX(), pin.JointModelRY()]
@@ -132,7 +132,7 @@ def test_agrees_with_pinocchio_on_a_thousand_states(report_ideal: stp.Hexapod, r
     bodies = random_bodies(rng) if kind == "uneven" else real_bodies(kind)
     model = open_tree(report_ideal, bodies)
     states = random_states(rng, 1000)
-    forces = stp.hexapod_inverse_dynamics(report_ideal, bodies, *states, gravity=GRAVITY)
+    forces = stp.hexapods.hexapod_inverse_dynamics(report_ideal, bodies, *states, gravity=GRAVITY)
     for k, state in enumerate(zip(*states, strict=True)):
         actuator, joint = pinocchio_forces(report_ideal, model, *state)
         # Round-off times the condition of the poses (up to 9): 3e-15 measured.
@@ -144,7 +144,7 @@ def test_idle_spin_changes_the_forces(report_ideal: stp.Hexapod, rng) -> None:
     # Else the spherical case above would prove nothing.
     states = random_states(rng, 50)
     universal, spherical = (
-        stp.hexapod_inverse_dynamics(report_ideal, real_bodies(joint), *states).actuator
+        stp.hexapods.hexapod_inverse_dynamics(report_ideal, real_bodies(joint), *states).actuator
         for joint in ("universal", "spherical")
     )
     assert np.abs(universal - spherical).max() > 1e-3
@@ -153,7 +153,7 @@ def test_idle_spin_changes_the_forces(report_ideal: stp.Hexapod, rng) -> None:
 # --- Energies of particles ---------------------------------------------------------------------------------
 
 
-def as_particles(body: stp.RigidBody) -> tuple[np.ndarray, np.ndarray]:
+def as_particles(body: stp.hexapods.RigidBody) -> tuple[np.ndarray, np.ndarray]:
     """Replace a body by six equal particles with its mass, centre and inertia."""
     moments, axes = np.linalg.eigh(np.trace(body.inertia) / 2 * np.eye(3) - body.inertia)
     reach = axes * np.sqrt(3 * np.maximum(moments, 0) / body.mass)
@@ -163,7 +163,7 @@ def as_particles(body: stp.RigidBody) -> tuple[np.ndarray, np.ndarray]:
 class ParticlePlatform:
     """All bodies as particles, placed by coordinates x, y, z, roll, pitch, yaw."""
 
-    def __init__(self, hexapod: stp.Hexapod, bodies: stp.HexapodBodies) -> None:
+    def __init__(self, hexapod: stp.Hexapod, bodies: stp.hexapods.HexapodBodies) -> None:
         self.hexapod = hexapod
         parts = [bodies.platform, *bodies.lower, *bodies.upper]
         masses, points = zip(*(as_particles(body) for body in parts), strict=True)
@@ -236,7 +236,9 @@ class Path:
 
 
 @pytest.fixture(params=["real", "uneven"])
-def cases(request, report_ideal: stp.Hexapod, rng) -> Iterator[tuple[stp.HexapodBodies, ParticlePlatform]]:
+def cases(
+    request, report_ideal: stp.Hexapod, rng
+) -> Iterator[tuple[stp.hexapods.HexapodBodies, ParticlePlatform]]:
     bodies = random_bodies(rng) if request.param == "uneven" else real_bodies()
     return bodies, ParticlePlatform(report_ideal, bodies)
 
@@ -250,10 +252,10 @@ def test_power_is_the_rate_of_energy(report_ideal: stp.Hexapod, rng, cases) -> N
         kinetic = np.einsum("k,tkj->t", particles.masses, velocity**2) / 2
         power = FIRST @ (kinetic + particles.potential(path(H * NODES))) / H
         position, rotation, twist, acceleration = path.state()
-        forces = stp.hexapod_inverse_dynamics(
+        forces = stp.hexapods.hexapod_inverse_dynamics(
             report_ideal, bodies, position, rotation, twist, acceleration, gravity=GRAVITY
         )
-        terms = forces.actuator * stp.leg_rates(report_ideal, position, rotation, twist)
+        terms = forces.actuator * stp.hexapods.leg_rates(report_ideal, position, rotation, twist)
         # Truncation of two nested differences: 2e-11 measured.
         assert abs(terms.sum() - power) <= 1e-9 * np.abs(terms).sum()
 
@@ -263,7 +265,7 @@ def test_forces_at_rest_are_the_slope_of_the_potential(report_ideal: stp.Hexapod
     for _ in range(10):
         x = Path(rng).start
         expected = np.linalg.solve(gradient(particles.lengths, x), gradient(particles.potential, x))
-        forces = stp.hexapod_inverse_dynamics(
+        forces = stp.hexapods.hexapod_inverse_dynamics(
             report_ideal, bodies, x[:3], rotation_from_rpy(*x[3:]), np.zeros(6), np.zeros(6), gravity=GRAVITY
         )
         # Truncation of the differences: 2e-12 measured.
@@ -280,7 +282,7 @@ def test_forces_obey_the_euler_lagrange_equations(report_ideal: stp.Hexapod, rng
         lagrange = momentum_rate - np.einsum("kij,i,j->k", slopes, dx, dx) / 2
         lagrange += gradient(particles.potential, x)
         expected = np.linalg.solve(gradient(particles.lengths, x), lagrange)
-        forces = stp.hexapod_inverse_dynamics(report_ideal, bodies, *path.state(), gravity=GRAVITY)
+        forces = stp.hexapods.hexapod_inverse_dynamics(report_ideal, bodies, *path.state(), gravity=GRAVITY)
         # Truncation of two nested differences: 3e-12 measured.
         np.testing.assert_allclose(forces.actuator, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
@@ -289,45 +291,49 @@ def test_forces_obey_the_euler_lagrange_equations(report_ideal: stp.Hexapod, rng
 
 
 def test_massless_legs_leave_the_point_mass_forces(report_ideal: stp.Hexapod, rng) -> None:
-    nothing = stp.RigidBody(0.0, [0.1, 0, 0.2], np.zeros((3, 3)))
-    platform = stp.RigidBody(20.0, np.zeros(3), np.zeros((3, 3)))
+    nothing = stp.hexapods.RigidBody(0.0, [0.1, 0, 0.2], np.zeros((3, 3)))
+    platform = stp.hexapods.RigidBody(20.0, np.zeros(3), np.zeros((3, 3)))
     position, rotation, twist, acceleration = random_states(rng, 200)
     expected = stp.point_mass_forces(report_ideal, position, rotation, acceleration[:, :3], mass=20.0)
     for joint in ("universal", "spherical"):
-        bodies = stp.HexapodBodies(platform, nothing, nothing, joint)
-        forces = stp.hexapod_inverse_dynamics(report_ideal, bodies, position, rotation, twist, acceleration)
+        bodies = stp.hexapods.HexapodBodies(platform, nothing, nothing, joint)
+        forces = stp.hexapods.hexapod_inverse_dynamics(
+            report_ideal, bodies, position, rotation, twist, acceleration
+        )
         assert np.abs(forces.actuator - expected).max() <= 1e-12 * np.abs(expected).max()
 
 
 def test_any_batch_shape(report_ideal: stp.Hexapod, rng) -> None:
     position, rotation, twist, acceleration = random_states(rng, 2, 4)
     bodies = random_bodies(rng)
-    forces = stp.hexapod_inverse_dynamics(report_ideal, bodies, position, rotation, twist, acceleration)
+    forces = stp.hexapods.hexapod_inverse_dynamics(
+        report_ideal, bodies, position, rotation, twist, acceleration
+    )
     assert forces.actuator.shape == (2, 4, 6) and forces.platform_joint.shape == (2, 4, 6, 3)
     # One argument alone carries the batch; the others are shared.
     state = [position[0, 1], rotation[0, 1], twist[0, 1], acceleration[0, 1]]
-    one = stp.hexapod_inverse_dynamics(report_ideal, bodies, *state)
+    one = stp.hexapods.hexapod_inverse_dynamics(report_ideal, bodies, *state)
     np.testing.assert_allclose(one.actuator, forces.actuator[0, 1], rtol=1e-12)
     for k, batch in enumerate((position, rotation, twist, acceleration)):
-        many = stp.hexapod_inverse_dynamics(report_ideal, bodies, *state[:k], batch, *state[k + 1 :])
+        many = stp.hexapods.hexapod_inverse_dynamics(report_ideal, bodies, *state[:k], batch, *state[k + 1 :])
         assert many.actuator.shape == (2, 4, 6) and many.platform_joint.shape == (2, 4, 6, 3)
         np.testing.assert_allclose(many.actuator[0, 1], one.actuator, rtol=1e-12)
-    empty = stp.hexapod_inverse_dynamics(report_ideal, bodies, np.empty((0, 3)), *state[1:])
+    empty = stp.hexapods.hexapod_inverse_dynamics(report_ideal, bodies, np.empty((0, 3)), *state[1:])
     assert empty.actuator.shape == (0, 6) and empty.platform_joint.shape == (0, 6, 3)
 
 
 def test_spin_of_an_uneven_leg_on_spherical_joints_is_refused(report_ideal: stp.Hexapod, rng) -> None:
     even = real_bodies().lower[0]
     upper = (even, even, random_body(rng, 1.0, [0, 0, -0.2]), even, even, even)
-    bodies = stp.HexapodBodies(real_bodies().platform, even, upper, "spherical")
+    bodies = stp.hexapods.HexapodBodies(real_bodies().platform, even, upper, "spherical")
     with pytest.raises(UnsupportedError, match="upper part of leg 3 is not axisymmetric"):
-        stp.hexapod_inverse_dynamics(report_ideal, bodies, *random_states(rng))
+        stp.hexapods.hexapod_inverse_dynamics(report_ideal, bodies, *random_states(rng))
 
 
 def test_singular_pose_gives_the_singular_value(report_ideal: stp.Hexapod) -> None:
     turned = rotation_from_rpy(0, 0, np.pi / 2)
     with pytest.raises(SingularityError, match="smallest singular value") as caught:
-        stp.hexapod_inverse_dynamics(
+        stp.hexapods.hexapod_inverse_dynamics(
             report_ideal, real_bodies(), [0, 0, 1.0], turned, np.zeros(6), np.zeros(6)
         )
     assert caught.value.smallest_singular_value < 1e-12
@@ -338,7 +344,9 @@ def test_gimbal_lock_names_the_leg(report_ideal: stp.Hexapod) -> None:
     platform[3] = report_ideal.base_points[3] + [0.7, 0, -1.0]
     lying = stp.Hexapod(report_ideal.base_points, platform)
     with pytest.raises(SingularityError, match="leg 4 lies along base x") as caught:
-        stp.hexapod_inverse_dynamics(lying, real_bodies(), [0, 0, 1.0], np.eye(3), np.zeros(6), np.zeros(6))
+        stp.hexapods.hexapod_inverse_dynamics(
+            lying, real_bodies(), [0, 0, 1.0], np.eye(3), np.zeros(6), np.zeros(6)
+        )
     assert caught.value.smallest_singular_value < 1e-12 and caught.value.names == ("leg 4 α", "leg 4 β")
 
 
@@ -362,4 +370,4 @@ def test_bad_states_are_named(report_ideal: stp.Hexapod, changed: dict, words: s
         "acceleration": np.zeros(6),
     }
     with pytest.raises(InputError, match=words):
-        stp.hexapod_inverse_dynamics(report_ideal, real_bodies(), **(state | changed))
+        stp.hexapods.hexapod_inverse_dynamics(report_ideal, real_bodies(), **(state | changed))

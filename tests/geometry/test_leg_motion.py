@@ -27,40 +27,40 @@ def test_rates_and_accelerations_are_derivatives_of_the_lengths(report_cad: stp.
         accelerations = np.array([-1, 16, -30, 16, -1]) @ lengths / (12 * h**2)
         state = report_cad, position, rotation, twist
         # Truncation: h⁴ / 30 times the fifth derivative of a length, up to 1e4 m/s⁵; round-off eps / h².
-        assert np.abs(stp.leg_rates(*state) - rates).max() < 1e-9
-        assert np.abs(stp.leg_accelerations(*state, acceleration) - accelerations).max() < 1e-8
+        assert np.abs(stp.hexapods.leg_rates(*state) - rates).max() < 1e-9
+        assert np.abs(stp.hexapods.leg_accelerations(*state, acceleration) - accelerations).max() < 1e-8
 
 
 def test_a_platform_at_rest_has_legs_at_rest(report_cad: stp.Hexapod) -> None:
     state = report_cad, [0.1, 0, 1.0], np.eye(3), np.zeros(6)
-    np.testing.assert_array_equal(stp.leg_rates(*state), np.zeros(6))
-    np.testing.assert_array_equal(stp.leg_accelerations(*state, np.zeros(6)), np.zeros(6))
+    np.testing.assert_array_equal(stp.hexapods.leg_rates(*state), np.zeros(6))
+    np.testing.assert_array_equal(stp.hexapods.leg_accelerations(*state, np.zeros(6)), np.zeros(6))
 
 
 def test_batches_of_poses_and_of_twists(report_cad: stp.Hexapod, rng) -> None:
     position, twist, acceleration = [0, 0, 1.0], rng.normal(size=(4, 1, 6)), rng.normal(size=(5, 6))
-    assert stp.leg_rates(report_cad, position, np.eye(3), twist).shape == (4, 1, 6)
-    accelerations = stp.leg_accelerations(report_cad, position, np.eye(3), twist, acceleration)
+    assert stp.hexapods.leg_rates(report_cad, position, np.eye(3), twist).shape == (4, 1, 6)
+    accelerations = stp.hexapods.leg_accelerations(report_cad, position, np.eye(3), twist, acceleration)
     assert accelerations.shape == (4, 5, 6)
-    one = stp.leg_accelerations(report_cad, position, np.eye(3), twist[2, 0], acceleration[3])
+    one = stp.hexapods.leg_accelerations(report_cad, position, np.eye(3), twist[2, 0], acceleration[3])
     np.testing.assert_allclose(accelerations[2, 3], one, rtol=1e-13)
 
 
 def test_bad_motions_are_named(report_cad: stp.Hexapod) -> None:
     pose = report_cad, np.zeros((2, 3)) + [0, 0, 1], np.eye(3)
     with pytest.raises(InputError, match="twist must have shape"):
-        stp.leg_rates(*pose, np.zeros(5))
+        stp.hexapods.leg_rates(*pose, np.zeros(5))
     with pytest.raises(InputError, match=r"batch shapes do not fit.*twist"):
-        stp.leg_rates(*pose, np.zeros((3, 6)))
+        stp.hexapods.leg_rates(*pose, np.zeros((3, 6)))
     with pytest.raises(InputError, match="acceleration must be finite"):
-        stp.leg_accelerations(*pose, np.zeros(6), [0, 0, 0, np.nan, 0, 0])
+        stp.hexapods.leg_accelerations(*pose, np.zeros(6), [0, 0, 0, np.nan, 0, 0])
 
 
 def test_a_leg_without_length_has_no_rate(report_cad: stp.Hexapod) -> None:
     flat = stp.Hexapod(report_cad.base_points, report_cad.base_points)
     for call in (
-        lambda: stp.leg_rates(flat, np.zeros(3), np.eye(3), np.zeros(6)),
-        lambda: stp.leg_accelerations(flat, np.zeros(3), np.eye(3), np.zeros(6), np.zeros(6)),
+        lambda: stp.hexapods.leg_rates(flat, np.zeros(3), np.eye(3), np.zeros(6)),
+        lambda: stp.hexapods.leg_accelerations(flat, np.zeros(3), np.eye(3), np.zeros(6), np.zeros(6)),
     ):
         with pytest.raises(SingularityError, match="length zero"):
             call()

@@ -16,7 +16,7 @@ def random_planar(rng: np.random.Generator) -> stp.PlanarRPR:
 def test_lengths_of_a_right_angled_platform() -> None:
     planar = stp.PlanarRPR([[0, 0], [4, 0], [0, 4]], [[1, 0], [3, 0], [0, 2]])
     # A quarter turn puts the corners at (5, 6), (5, 8), (3, 5).
-    lengths = stp.planar_leg_lengths(planar, [5.0, 5.0], np.pi / 2)
+    lengths = stp.planar.planar_leg_lengths(planar, [5.0, 5.0], np.pi / 2)
     np.testing.assert_allclose(lengths, np.sqrt([61.0, 65.0, 10.0]), rtol=4e-16)
 
 
@@ -27,20 +27,22 @@ def test_jacobian_is_the_derivative_of_the_lengths(rng: np.random.Generator) -> 
         numeric = np.empty((3, 3))
         for k in range(3):
             plus, minus = x + h * np.eye(3)[k], x - h * np.eye(3)[k]
-            numeric[:, k] = stp.planar_leg_lengths(planar, plus[:2], plus[2])
-            numeric[:, k] -= stp.planar_leg_lengths(planar, minus[:2], minus[2])
+            numeric[:, k] = stp.planar.planar_leg_lengths(planar, plus[:2], plus[2])
+            numeric[:, k] -= stp.planar.planar_leg_lengths(planar, minus[:2], minus[2])
         # Central differences: h² truncation (larger on short legs) and eps/h round-off, both near 1e-10.
-        jacobian = stp.planar_leg_jacobian(planar, x[:2], x[2])
+        jacobian = stp.planar.planar_leg_jacobian(planar, x[:2], x[2])
         assert np.abs(jacobian - numeric / (2 * h)).max() < 1e-8
 
 
 def test_any_batch_shape(rng: np.random.Generator) -> None:
     planar = random_planar(rng)
     position, angle = rng.normal(size=(2, 1, 2)), rng.normal(size=(2, 5))
-    lengths = stp.planar_leg_lengths(planar, position, angle)
-    jacobian = stp.planar_leg_jacobian(planar, position, angle)
+    lengths = stp.planar.planar_leg_lengths(planar, position, angle)
+    jacobian = stp.planar.planar_leg_jacobian(planar, position, angle)
     assert lengths.shape == (2, 5, 3) and jacobian.shape == (2, 5, 3, 3)
-    np.testing.assert_array_equal(lengths[1, 3], stp.planar_leg_lengths(planar, position[1, 0], angle[1, 3]))
+    np.testing.assert_array_equal(
+        lengths[1, 3], stp.planar.planar_leg_lengths(planar, position[1, 0], angle[1, 3])
+    )
 
 
 def test_sides_make_the_triangle() -> None:
@@ -70,8 +72,8 @@ def test_bad_input_is_named() -> None:
     with pytest.raises(InputError, match="l2 must be a finite number above zero"):
         stp.PlanarRPR.from_sides(3.0, -1.0, 3.0, np.pi / 4, 5.0, 0.0, 6.0)
     with pytest.raises(InputError, match="batch shapes do not fit"):
-        stp.planar_leg_lengths(planar, np.zeros((2, 2)), np.zeros(3))
+        stp.planar.planar_leg_lengths(planar, np.zeros((2, 2)), np.zeros(3))
     with pytest.raises(InputError, match="position must have shape"):
-        stp.planar_leg_lengths(planar, [0.0, 0.0, 0.0], 0.0)
+        stp.planar.planar_leg_lengths(planar, [0.0, 0.0, 0.0], 0.0)
     with pytest.raises(SingularityError, match="leg 1 has length zero"):
-        stp.planar_leg_jacobian(planar, [0.0, 0.0], 0.0)
+        stp.planar.planar_leg_jacobian(planar, [0.0, 0.0], 0.0)

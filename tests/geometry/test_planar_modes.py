@@ -18,13 +18,13 @@ def exercise() -> stp.PlanarRPR:
     return stp.PlanarRPR.from_sides(3.0, 3 * 2**0.5, 3.0, np.pi / 4, 5.0, 0.0, 6.0)
 
 
-def corners(planar: stp.PlanarRPR, modes: stp.PlanarModes) -> np.ndarray:
+def corners(planar: stp.PlanarRPR, modes: stp.planar.PlanarModes) -> np.ndarray:
     c, s = np.cos(modes.angle), np.sin(modes.angle)
     rotation = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
     return modes.position[:, None] + np.einsum("nij,kj->nki", rotation, planar.corners)
 
 
-def distance(modes: stp.PlanarModes, position: np.ndarray, angle: float) -> np.ndarray:
+def distance(modes: stp.planar.PlanarModes, position: np.ndarray, angle: float) -> np.ndarray:
     turn = np.angle(np.exp(1j * (modes.angle - angle)))
     return np.hypot(*(modes.position - position).T) + np.abs(turn)
 
@@ -45,7 +45,7 @@ def test_second_example_to_fifteen_digits(exercise: stp.PlanarRPR) -> None:
     modes = stp.planar_assembly_modes(exercise, [5.0, 5.0, 3.0])
     # Half a unit of the last printed digit, plus one unit in the last place of our 2.1.
     np.testing.assert_allclose(modes.angle, printed, rtol=0, atol=1.0e-15)
-    lengths = stp.planar_leg_lengths(exercise, modes.position, modes.angle)
+    lengths = stp.planar.planar_leg_lengths(exercise, modes.position, modes.angle)
     assert np.abs(lengths - [5.0, 5.0, 3.0]).max() <= ROUND_OFF
     np.testing.assert_array_equal(modes.residual, np.abs(lengths - [5.0, 5.0, 3.0]).max(axis=-1))
 
@@ -69,7 +69,7 @@ def test_the_generating_pose_is_always_found(rng: np.random.Generator) -> None:
             rng.normal(size=(3, 2)) * rng.uniform(0.1, 3), rng.normal(size=(3, 2)) * rng.uniform(0.1, 3)
         )
         position, angle = rng.normal(size=2), rng.uniform(-np.pi, np.pi)
-        lengths = stp.planar_leg_lengths(planar, position, angle)
+        lengths = stp.planar.planar_leg_lengths(planar, position, angle)
         modes = stp.planar_assembly_modes(planar, lengths)
         # A pose that is 1e-7 from merging keeps half the digits; the residual keeps all.
         assert distance(modes, position, angle).min() < 1e-7
@@ -110,7 +110,7 @@ def test_order_of_the_legs_does_not_matter(exercise: stp.PlanarRPR) -> None:
 
 def test_many_lengths_at_once(exercise: stp.PlanarRPR, rng: np.random.Generator) -> None:
     lengths = rng.uniform(2.0, 9.0, (200, 3))
-    batch = stp.planar_assembly_modes_batch(exercise, lengths)
+    batch = stp.planar.planar_assembly_modes_batch(exercise, lengths)
     assert len(batch) == 200 and set(batch.count) >= {0, 2, 4}
     for k in range(200):
         one, row = stp.planar_assembly_modes(exercise, lengths[k]), batch.row(k)
@@ -123,7 +123,7 @@ def test_many_lengths_at_once(exercise: stp.PlanarRPR, rng: np.random.Generator)
 
 
 def test_no_lengths_at_all(exercise: stp.PlanarRPR) -> None:
-    batch = stp.planar_assembly_modes_batch(exercise, np.zeros((0, 3)))
+    batch = stp.planar.planar_assembly_modes_batch(exercise, np.zeros((0, 3)))
     assert len(batch) == 0 and batch.position.shape == (0, 6, 2)
 
 

@@ -32,7 +32,7 @@ def test_two_positions_share_an_angle() -> None:
 def test_a_root_without_a_position_is_dropped() -> None:
     # D = N = 0 at angle zero again, but the circles meet in complex points only.
     planar, lengths = collinear_circles(-0.25)
-    assert abs(stp.planar_pose_polynomial(planar, lengths, 0.0)) < 1e-12
+    assert abs(stp.planar.planar_pose_polynomial(planar, lengths, 0.0)) < 1e-12
     modes = stp.planar_assembly_modes(planar, lengths)
     assert (np.abs(modes.angle) > 1e-3).all() and modes.residual.max(initial=0.0) < 1e-14
 
@@ -52,7 +52,7 @@ def test_lattice_geometries(rng: np.random.Generator, reach: int) -> None:
     for _ in range(700):
         planar = stp.PlanarRPR(*rng.integers(-reach, reach + 1, (2, 3, 2)))
         position, angle = rng.integers(-reach, reach + 1, 2), rng.integers(4) * np.pi / 2
-        lengths = stp.planar_leg_lengths(planar, position, angle)
+        lengths = stp.planar.planar_leg_lengths(planar, position, angle)
         if not lengths.any() and not planar.anchors.any():
             continue
         modes = stp.planar_assembly_modes(planar, lengths)
@@ -102,7 +102,7 @@ def test_congruent_triangles_swing_and_turn() -> None:
         [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
     )
     position = home + 2.0 * np.stack([np.cos(around), np.sin(around)], axis=-1)
-    np.testing.assert_allclose(stp.planar_leg_lengths(planar, position, turn), 2.0, atol=1e-14)
+    np.testing.assert_allclose(stp.planar.planar_leg_lengths(planar, position, turn), 2.0, atol=1e-14)
 
 
 @pytest.mark.parametrize(("length", "count"), [(2.5, 2), (5.0, 1), (5.1, 0)])
@@ -139,7 +139,9 @@ def test_a_corner_on_the_third_anchor_spins() -> None:
     modes = stp.planar_assembly_modes(planar, [4.0, 3.0, 2.0])
     assert modes.kind == "positive-dimensional" and "rotation" in modes.motion
     for angle in np.linspace(-3.0, 3.0, 5):
-        np.testing.assert_allclose(stp.planar_leg_lengths(planar, [3.2, 2.4], angle), [4, 3, 2], atol=1e-14)
+        np.testing.assert_allclose(
+            stp.planar.planar_leg_lengths(planar, [3.2, 2.4], angle), [4, 3, 2], atol=1e-14
+        )
 
 
 @pytest.mark.parametrize(
@@ -169,7 +171,7 @@ def test_all_corners_in_one_point() -> None:
 def test_a_leg_without_length_pins_its_corner() -> None:
     planar = stp.PlanarRPR([[0, 0], [5, 0], [0, 5]], [[0, 0], [1, 0.5], [0, 2]])
     angle = 0.4
-    lengths = stp.planar_leg_lengths(planar, [0.0, 0.0], angle)
+    lengths = stp.planar.planar_leg_lengths(planar, [0.0, 0.0], angle)
     assert lengths[0] == 0.0
     modes = stp.planar_assembly_modes(planar, lengths)
     np.testing.assert_allclose(modes.angle, [angle], atol=1e-14)
@@ -197,7 +199,7 @@ def test_nearly_congruent_triangles_keep_the_generating_pose(rng: np.random.Gene
         planar = stp.PlanarRPR(anchors, anchors + excess * rng.normal(size=(3, 2)))
         around, angle = rng.uniform(-np.pi, np.pi), excess * rng.normal()
         position = rng.uniform(0.3, 2.0) * np.array([np.cos(around), np.sin(around)])
-        modes = stp.planar_assembly_modes(planar, stp.planar_leg_lengths(planar, position, angle))
+        modes = stp.planar_assembly_modes(planar, stp.planar.planar_leg_lengths(planar, position, angle))
         assert len(modes) % 2 == 0 and modes.residual.max() < 1e-13
         # The legs fix the pose along the circle by no more than round-off over the excess.
         assert np.hypot(*(modes.position - position).T).min() < 1e-3

@@ -17,7 +17,7 @@ def exercise() -> stp.PlanarRPR:
 
 def test_intervals_of_the_exercise(exercise: stp.PlanarRPR) -> None:
     # S1.7: the source prints two digits, the recomputed ends have seven.
-    found = stp.planar_transition_lengths(exercise, [5.0, 0.0, 3.0], 1)
+    found = stp.planar.planar_transition_lengths(exercise, [5.0, 0.0, 3.0], 1)
     ends = [3.710531, 4.863724, 6.967344, 7.022340, 7.849087, 9.262383]
     np.testing.assert_allclose(found.lengths, ends, rtol=0, atol=0.51e-6)
     assert found.counts.tolist() == [0, 2, 4, 6, 4, 2, 0]
@@ -27,7 +27,7 @@ def test_intervals_of_the_exercise(exercise: stp.PlanarRPR) -> None:
 
 
 def test_counts_on_either_side_of_each_transition(exercise: stp.PlanarRPR) -> None:
-    found = stp.planar_transition_lengths(exercise, [5.0, 0.0, 3.0], 1)
+    found = stp.planar.planar_transition_lengths(exercise, [5.0, 0.0, 3.0], 1)
     for k, length in enumerate(found.lengths):
         below, at, above = (
             stp.planar_assembly_modes(exercise, [5.0, length + step, 3.0]) for step in (-1e-9, 0.0, 1e-9)
@@ -43,8 +43,8 @@ def test_counts_on_either_side_of_each_transition(exercise: stp.PlanarRPR) -> No
 
 def test_merged_poses_are_singular(exercise: stp.PlanarRPR) -> None:
     for leg in range(3):
-        found = stp.planar_transition_lengths(exercise, [5.0, 5.0, 3.0], leg)
-        jacobian = stp.planar_leg_jacobian(exercise, found.position, found.angle)
+        found = stp.planar.planar_transition_lengths(exercise, [5.0, 5.0, 3.0], leg)
+        jacobian = stp.planar.planar_leg_jacobian(exercise, found.position, found.angle)
         singular = np.linalg.svd(jacobian, compute_uv=False)
         assert (singular[:, -1] < 1e-12 * singular[:, 0]).all()
 
@@ -53,9 +53,9 @@ def test_random_geometries_change_where_told(rng: np.random.Generator) -> None:
     seen = set()
     for _ in range(40):
         planar = stp.PlanarRPR(rng.normal(size=(3, 2)), rng.normal(size=(3, 2)) * rng.uniform(0.3, 2))
-        lengths = stp.planar_leg_lengths(planar, rng.normal(size=2), rng.uniform(-np.pi, np.pi))
+        lengths = stp.planar.planar_leg_lengths(planar, rng.normal(size=2), rng.uniform(-np.pi, np.pi))
         leg = int(rng.integers(3))
-        found = stp.planar_transition_lengths(planar, lengths, leg)
+        found = stp.planar.planar_transition_lengths(planar, lengths, leg)
         assert (np.abs(np.diff(found.counts)) == 2).all() and found.residual.max() < 1e-14
         assert found.counts[-1] == 0
         seen.add(int(found.counts.max()))
@@ -65,7 +65,7 @@ def test_random_geometries_change_where_told(rng: np.random.Generator) -> None:
         probe = probe[probe > 0.0]
         sweep = np.tile(lengths, (len(probe), 1))
         sweep[:, leg] = probe
-        counts = stp.planar_assembly_modes_batch(planar, sweep).count
+        counts = stp.planar.planar_assembly_modes_batch(planar, sweep).count
         np.testing.assert_array_equal(counts, found.counts[np.searchsorted(found.lengths, probe)])
     assert seen == {2, 4, 6}
 
@@ -77,19 +77,19 @@ def test_special_linkages_change_by_even_numbers(rng: np.random.Generator) -> No
         lengths = rng.integers(1, 5, 3).astype(float)
         if (planar.anchors[0] == planar.anchors[1]).all() and (planar.corners[0] == planar.corners[1]).all():
             continue
-        found = stp.planar_transition_lengths(planar, lengths, 2)
+        found = stp.planar.planar_transition_lengths(planar, lengths, 2)
         assert (found.counts % 2 == 0).all() and (np.diff(found.counts) != 0).all()
         probe = np.linspace(0.0, 8.0, 41)[1:] + 1e-3 * np.pi
         sweep = np.tile(lengths, (len(probe), 1))
         sweep[:, 2] = probe
-        counts = stp.planar_assembly_modes_batch(planar, sweep).count
+        counts = stp.planar.planar_assembly_modes_batch(planar, sweep).count
         np.testing.assert_array_equal(counts, found.counts[np.searchsorted(found.lengths, probe)])
 
 
 def test_a_parallelogram_linkage() -> None:
     # Legs 0 and 1 carry corner 2, the platform origin, along a circle of radius 2 around (0, 1).
     planar = stp.PlanarRPR([[-1, 1], [1, 1], [0, 6]], [[-1, 0], [1, 0], [0, 0]])
-    found = stp.planar_transition_lengths(planar, [2.0, 2.0, 0.0], 2)
+    found = stp.planar.planar_transition_lengths(planar, [2.0, 2.0, 0.0], 2)
     # Highest and lowest point of the circle: (0, 3) and (0, -1).
     assert {3.0, 7.0} <= set(found.lengths.round(12))
 
@@ -116,22 +116,22 @@ def test_a_parallelogram_linkage() -> None:
     ],
 )
 def test_linkages_with_a_hidden_branch(anchors, corners, lengths, leg, ends, counts) -> None:
-    found = stp.planar_transition_lengths(stp.PlanarRPR(anchors, corners), lengths, leg)
+    found = stp.planar.planar_transition_lengths(stp.PlanarRPR(anchors, corners), lengths, leg)
     np.testing.assert_allclose(found.lengths, ends, rtol=1e-14)
     assert found.counts.tolist() == counts
 
 
 def test_a_linkage_that_cannot_be_closed(exercise: stp.PlanarRPR) -> None:
-    found = stp.planar_transition_lengths(exercise, [0.1, 0.1, 0.0], 2)
+    found = stp.planar.planar_transition_lengths(exercise, [0.1, 0.1, 0.0], 2)
     assert found.lengths.shape == (0,) and found.counts.tolist() == [0]
     assert found.intervals(0) == [(0.0, np.inf)]
 
 
 def test_bad_input_is_named(exercise: stp.PlanarRPR) -> None:
     with pytest.raises(InputError, match="leg must be 0, 1 or 2, got 3"):
-        stp.planar_transition_lengths(exercise, [5.0, 5.0, 3.0], 3)
+        stp.planar.planar_transition_lengths(exercise, [5.0, 5.0, 3.0], 3)
     with pytest.raises(InputError, match="lengths must have shape"):
-        stp.planar_transition_lengths(exercise, [5.0, 5.0], 0)
+        stp.planar.planar_transition_lengths(exercise, [5.0, 5.0], 0)
     double = stp.PlanarRPR([[0, 0], [0, 0], [4, 0]], [[0, 0], [0, 0], [1, 0]])
     with pytest.raises(UnsupportedError, match="legs 1 and 2 share both ends"):
-        stp.planar_transition_lengths(double, [1.0, 1.0, 1.0], 2)
+        stp.planar.planar_transition_lengths(double, [1.0, 1.0, 1.0], 2)

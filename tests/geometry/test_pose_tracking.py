@@ -11,7 +11,7 @@ from stewart_pin.errors import InputError
 from stewart_pin.geometry.rotations import rotation_from_rpy
 
 
-def _determinants(hexapod: stp.Hexapod, tracked: stp.TrackedPose) -> np.ndarray:
+def _determinants(hexapod: stp.Hexapod, tracked: stp.hexapods.TrackedPose) -> np.ndarray:
     return np.linalg.det(stp.leg_jacobian(hexapod, tracked.position, tracked.rotation))
 
 
@@ -20,7 +20,7 @@ def test_a_regular_path_is_followed_to_its_end(report_cad: stp.Hexapod) -> None:
     position = np.column_stack([0.2 * np.sin(t), 0.15 * np.cos(t), 2.2 + 0.2 * np.sin(2 * t)])
     rotation = rotation_from_rpy(0.2 * np.sin(t), 0.2 * np.sin(2 * t), 0.3 * np.sin(t))
     lengths = stp.leg_lengths(report_cad, position, rotation)
-    tracked = stp.track_pose(report_cad, lengths, start=(position[0], rotation[0]))
+    tracked = stp.hexapods.track_pose(report_cad, lengths, start=(position[0], rotation[0]))
     assert tracked.event == "finished" and tracked.success
     # Round-off times a condition number near 1e2.
     np.testing.assert_allclose(tracked.position, position, atol=1e-12)
@@ -33,7 +33,7 @@ def test_a_fold_stops_the_path_with_its_name(report_ideal: stp.Hexapod) -> None:
     yaw = np.linspace(0.0, np.radians(120.0), 25)
     rotation = rotation_from_rpy(0.0, 0.0, yaw)
     lengths = stp.leg_lengths(report_ideal, [0.0, 0.0, 1.0], rotation)
-    tracked = stp.track_pose(report_ideal, lengths, start=([0.0, 0.0, 1.0], np.eye(3)))
+    tracked = stp.hexapods.track_pose(report_ideal, lengths, start=([0.0, 0.0, 1.0], np.eye(3)))
     assert tracked.event == "fold" and not tracked.success
     assert len(tracked.position) == 18  # samples of 5°: 0 to 85°
     reached = np.arctan2(tracked.last_rotation[1, 0], tracked.last_rotation[0, 0])
@@ -50,12 +50,14 @@ def test_no_random_path_changes_its_assembly_mode(
     for _ in range(20):
         lengths = stp.leg_lengths(report_ideal, *home)
         ends = lengths, lengths * rng.uniform(0.75, 1.25, 6)
-        tracked = stp.track_pose(report_ideal, np.linspace(*ends, 6), start=home)
+        tracked = stp.hexapods.track_pose(report_ideal, np.linspace(*ends, 6), start=home)
         events.append(tracked.event)
         assert len(set(np.sign(_determinants(report_ideal, tracked)))) == 1
         # And back again: only the same assembly mode returns to the home pose.
         way_back = np.linspace(tracked.last_lengths, ends[0], 6)
-        back = stp.track_pose(report_ideal, way_back, start=(tracked.last_position, tracked.last_rotation))
+        back = stp.hexapods.track_pose(
+            report_ideal, way_back, start=(tracked.last_position, tracked.last_rotation)
+        )
         assert back.success
         np.testing.assert_allclose(back.position[-1], home[0], atol=1e-9)
         np.testing.assert_allclose(back.rotation[-1], home[1], atol=1e-9)
@@ -73,7 +75,7 @@ def test_coarse_paths_across_singularities_never_flip(report_ideal: stp.Hexapod)
         t = np.linspace(0.0, 1.0, 8)
         rotation = Slerp([0, 1], Rotation.from_matrix(turns))(t).as_matrix()
         lengths = stp.leg_lengths(report_ideal, begin[0] + t[:, None] * (end[0] - begin[0]), rotation)
-        tracked = stp.track_pose(report_ideal, lengths, start=(begin[0], turns[0]))
+        tracked = stp.hexapods.track_pose(report_ideal, lengths, start=(begin[0], turns[0]))
         events.append(tracked.event)
         assert len(set(np.sign(_determinants(report_ideal, tracked)))) == 1
     assert set(events) == {"finished", "fold"}
@@ -82,6 +84,6 @@ def test_coarse_paths_across_singularities_never_flip(report_ideal: stp.Hexapod)
 def test_bad_paths_are_named(report_cad: stp.Hexapod) -> None:
     start = ([0.0, 0.0, 2.0], np.eye(3))
     with pytest.raises(InputError, match="at least one sample"):
-        stp.track_pose(report_cad, np.empty((0, 6)), start=start)
+        stp.hexapods.track_pose(report_cad, np.empty((0, 6)), start=start)
     with pytest.raises(InputError, match="lengths must have shape"):
-        stp.track_pose(report_cad, np.ones(6), start=start)
+        stp.hexapods.track_pose(report_cad, np.ones(6), start=start)

@@ -12,10 +12,10 @@ from stewart_pin.errors import InputError, SingularityError, UnreachableError
 
 
 @pytest.fixture
-def legs(rng: np.random.Generator) -> stp.RotaryLegs:
+def legs(rng: np.random.Generator) -> stp.rotary.RotaryLegs:
     """Return six legs without any symmetry."""
     axes, helpers = rng.normal(size=(2, 6, 3))
-    return stp.RotaryLegs(
+    return stp.rotary.RotaryLegs(
         base_points=np.array([1.0, 1.0, 0.1]) * rng.uniform(-0.4, 0.4, (6, 3)),
         axes=axes,
         zeros=np.cross(axes, helpers),
@@ -31,16 +31,18 @@ def poses(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
     return position, Rotation.from_rotvec(0.3 * rng.uniform(-1, 1, (n, 3))).as_matrix()
 
 
-def rods(legs: stp.RotaryLegs, position: np.ndarray, rotation: np.ndarray, angle: np.ndarray) -> np.ndarray:
+def rods(
+    legs: stp.rotary.RotaryLegs, position: np.ndarray, rotation: np.ndarray, angle: np.ndarray
+) -> np.ndarray:
     """Rod vectors by turning each crank with Rodrigues' formula: (n, 3)."""
     turn = Rotation.from_rotvec(np.reshape(angle, (-1, 1)) * legs.axes)
     tips = legs.base_points + legs.cranks[:, None] * turn.apply(np.array(legs.zeros))
     return position + legs.platform_points @ rotation.T - tips
 
 
-def test_both_branches_close_every_rod(legs: stp.RotaryLegs, rng: np.random.Generator) -> None:
+def test_both_branches_close_every_rod(legs: stp.rotary.RotaryLegs, rng: np.random.Generator) -> None:
     position, rotation = poses(rng, 200)
-    found = stp.crank_angles(legs, position, rotation, throw=False)
+    found = stp.rotary.crank_angles(legs, position, rotation, throw=False)
     assert found.angle.shape == (200, 6, 2) and found.success.shape == (200,)
     assert 20 < found.success.sum() < 200  # the random legs reach some of the poses
     assert (np.abs(found.angle) <= np.pi).all() and np.isfinite(found.angle).all()
@@ -51,10 +53,10 @@ def test_both_branches_close_every_rod(legs: stp.RotaryLegs, rng: np.random.Gene
                 np.testing.assert_allclose(lengths, legs.rods, rtol=1e-13)
 
 
-def test_there_is_no_third_branch(legs: stp.RotaryLegs, rng: np.random.Generator) -> None:
+def test_there_is_no_third_branch(legs: stp.rotary.RotaryLegs, rng: np.random.Generator) -> None:
     """Scan the whole circle for sign changes of the rod's misfit."""
     position, rotation = poses(rng, 5)
-    found = stp.crank_angles(legs, position, rotation, throw=False)
+    found = stp.rotary.crank_angles(legs, position, rotation, throw=False)
     grid = np.linspace(-np.pi, np.pi, 361)
     for k in range(5):
 
@@ -77,14 +79,16 @@ def test_there_is_no_third_branch(legs: stp.RotaryLegs, rng: np.random.Generator
                 np.testing.assert_allclose(max(values), found.shortage[k, leg], rtol=1e-3)
 
 
-def test_jacobian_is_the_derivative_of_the_angles(legs: stp.RotaryLegs, rng: np.random.Generator) -> None:
+def test_jacobian_is_the_derivative_of_the_angles(
+    legs: stp.rotary.RotaryLegs, rng: np.random.Generator
+) -> None:
     position, rotation = poses(rng, 200)
-    reached = np.flatnonzero(stp.crank_angles(legs, position, rotation, throw=False).success)[:5]
+    reached = np.flatnonzero(stp.rotary.crank_angles(legs, position, rotation, throw=False).success)[:5]
     h = 1e-5
     for k in reached:
         twist = rng.normal(size=6)
         moved = [
-            stp.crank_angles(
+            stp.rotary.crank_angles(
                 legs,
                 position[k] + t * twist[:3],
                 Rotation.from_rotvec(t * twist[3:]).as_matrix() @ rotation[k],
@@ -92,7 +96,7 @@ def test_jacobian_is_the_derivative_of_the_angles(legs: stp.RotaryLegs, rng: np.
             for t in (-h, 0.0, h)
         ]
         for branch, push in ((0, 1.0), (1, -1.0)):
-            jacobian = stp.crank_jacobian(legs, position[k], rotation[k], moved[1][:, branch])
+            jacobian = stp.rotary.crank_jacobian(legs, position[k], rotation[k], moved[1][:, branch])
             rates = (moved[2] - moved[0])[:, branch] / (2 * h)
             np.testing.assert_allclose(jacobian @ twist, rates, rtol=1e-6, atol=1e-6)
             # First the branch on which a positive rate pushes along the rod.
@@ -100,17 +104,19 @@ def test_jacobian_is_the_derivative_of_the_angles(legs: stp.RotaryLegs, rng: np.
             assert (push * np.einsum("ij,ij->i", jacobian[:, :3], u) > 0).all()
 
 
-def test_any_batch_shape(legs: stp.RotaryLegs, rng: np.random.Generator) -> None:
+def test_any_batch_shape(legs: stp.rotary.RotaryLegs, rng: np.random.Generator) -> None:
     position, rotation = poses(rng, 12)
-    flat = stp.crank_angles(legs, position, rotation, throw=False)
-    shaped = stp.crank_angles(legs, position.reshape(3, 4, 3), rotation.reshape(3, 4, 3, 3), throw=False)
+    flat = stp.rotary.crank_angles(legs, position, rotation, throw=False)
+    shaped = stp.rotary.crank_angles(
+        legs, position.reshape(3, 4, 3), rotation.reshape(3, 4, 3, 3), throw=False
+    )
     np.testing.assert_array_equal(shaped.angle, flat.angle.reshape(3, 4, 6, 2))
-    one = stp.crank_angles(legs, position[0], rotation[0], throw=False)
+    one = stp.rotary.crank_angles(legs, position[0], rotation[0], throw=False)
     np.testing.assert_array_equal(one.angle, flat.angle[0])
     assert one.success.shape == ()
 
 
-ONE_LEG = stp.RotaryLegs([[0, 0, 0]], [[0, -1, 0]], [[1, 0, 0]], [[0, 0, 0]], [0.3], [0.5])
+ONE_LEG = stp.rotary.RotaryLegs([[0, 0, 0]], [[0, -1, 0]], [[1, 0, 0]], [[0, 0, 0]], [0.3], [0.5])
 """A crank in the xz plane, positive angles up, and a rod."""
 
 
@@ -124,7 +130,7 @@ ONE_LEG = stp.RotaryLegs([[0, 0, 0]], [[0, -1, 0]], [[1, 0, 0]], [[0, 0, 0]], [0
     ],
 )
 def test_stretched_folded_and_out_of_reach(x: float, angles: tuple, shortage: float) -> None:
-    found = stp.crank_angles(ONE_LEG, [x, 0, 0], np.eye(3), throw=False)
+    found = stp.rotary.crank_angles(ONE_LEG, [x, 0, 0], np.eye(3), throw=False)
     # At ±π the two branches are the same angle.
     np.testing.assert_allclose(np.exp(1j * found.angle[0]), np.exp(1j * np.array(angles)), atol=1e-7)
     np.testing.assert_allclose(found.shortage, [shortage], atol=1e-15)
@@ -132,39 +138,39 @@ def test_stretched_folded_and_out_of_reach(x: float, angles: tuple, shortage: fl
 
 
 def test_limits_choose_the_branch_and_the_turn() -> None:
-    free = stp.crank_angles(ONE_LEG, [0.6, 0, 0], np.eye(3)).angle[0]
+    free = stp.rotary.crank_angles(ONE_LEG, [0.6, 0, 0], np.eye(3)).angle[0]
     opening = np.arccos((0.6**2 + 0.3**2 - 0.5**2) / (2 * 0.3 * 0.6))
     np.testing.assert_allclose(free, [-opening, opening], atol=1e-14)
-    found = stp.crank_angles(ONE_LEG, [0.6, 0, 0], np.eye(3), limits=(0.0, 2.0))
+    found = stp.rotary.crank_angles(ONE_LEG, [0.6, 0, 0], np.eye(3), limits=(0.0, 2.0))
     np.testing.assert_array_equal(found.within, [[False, True]])
-    turned = stp.crank_angles(ONE_LEG, [0.6, 0, 0], np.eye(3), limits=(6.0, 8.0))
+    turned = stp.rotary.crank_angles(ONE_LEG, [0.6, 0, 0], np.eye(3), limits=(6.0, 8.0))
     np.testing.assert_allclose(turned.angle[0], free + 2 * np.pi, atol=1e-14)
     np.testing.assert_array_equal(turned.within, [[False, True]])
     with pytest.raises(
         UnreachableError, match=r"leg 1 .* at -0.981765 rad, beyond its limits -0.5 to 0.5"
     ) as caught:
-        stp.crank_angles(ONE_LEG, [0.6, 0, 0], np.eye(3), limits=(-0.5, 0.5))
+        stp.rotary.crank_angles(ONE_LEG, [0.6, 0, 0], np.eye(3), limits=(-0.5, 0.5))
     assert caught.value.violations["leg 1"][1:] == (-0.5, 0.5)
 
 
-def test_errors_name_leg_index_and_remedy(legs: stp.RotaryLegs) -> None:
+def test_errors_name_leg_index_and_remedy(legs: stp.rotary.RotaryLegs) -> None:
     position = np.array([[0.6, 0, 0], [0.9, 0, 0]])
     with pytest.raises(
         UnreachableError, match=r"leg 1 .*index \(1,\).* 0.5 m long, .* 0.6 to 1.2 m from"
     ) as caught:
-        stp.crank_angles(ONE_LEG, position, np.eye(3))
+        stp.rotary.crank_angles(ONE_LEG, position, np.eye(3))
     assert caught.value.violations == {"leg 1": pytest.approx((0.5, 0.6, 1.2))}
     assert caught.value.residual == pytest.approx(0.1)
     with pytest.raises(SingularityError, match="leg 1: the platform point is on the axis"):
-        stp.crank_angles(ONE_LEG, [0, 0.4, 0], np.eye(3))
+        stp.rotary.crank_angles(ONE_LEG, [0, 0.4, 0], np.eye(3))
     with pytest.raises(SingularityError, match="leg 1 is at a dead centre"):
-        stp.crank_jacobian(ONE_LEG, [0.8, 0, 0], np.eye(3), [0.0])
+        stp.rotary.crank_jacobian(ONE_LEG, [0.8, 0, 0], np.eye(3), [0.0])
     with pytest.raises(InputError, match=r"rod of leg 1 would be 0.6 m long, it is 0.5 m; see crank_angles"):
-        stp.crank_jacobian(ONE_LEG, [0.9, 0, 0], np.eye(3), [0.0])
+        stp.rotary.crank_jacobian(ONE_LEG, [0.9, 0, 0], np.eye(3), [0.0])
     with pytest.raises(InputError, match="limits: those of leg 2"):
-        stp.crank_angles(legs, [0, 0, 1], np.eye(3), limits=[(0, 1), (1, 0), *[(0, 1)] * 4])
+        stp.rotary.crank_angles(legs, [0, 0, 1], np.eye(3), limits=[(0, 1), (1, 0), *[(0, 1)] * 4])
     with pytest.raises(InputError, match=r"limits must have shape \(6, 2\) or \(2,\), got \(3,\)"):
-        stp.crank_angles(legs, [0, 0, 1], np.eye(3), limits=[0, 1, 2])
+        stp.rotary.crank_angles(legs, [0, 0, 1], np.eye(3), limits=[0, 1, 2])
 
 
 @pytest.mark.parametrize(
@@ -183,4 +189,4 @@ def test_errors_name_leg_index_and_remedy(legs: stp.RotaryLegs) -> None:
 def test_bad_geometry_is_named(changes: dict, words: str) -> None:
     names = ("base_points", "axes", "zeros", "platform_points", "cranks", "rods")
     with pytest.raises(InputError, match=words):
-        stp.RotaryLegs(**({name: getattr(ONE_LEG, name) for name in names} | changes))
+        stp.rotary.RotaryLegs(**({name: getattr(ONE_LEG, name) for name in names} | changes))

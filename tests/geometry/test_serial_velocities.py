@@ -31,14 +31,14 @@ def test_jacobians_are_pinocchios(
     arm: stp.ClosedChain, frame: int, axes: str, rng: np.random.Generator
 ) -> None:
     q = rng.uniform(-np.pi, np.pi, (50, 3))
-    ours = stp.spatial_arm_jacobian(LENGTHS, q, frame=frame, axes=axes)
+    ours = stp.arms.spatial_arm_jacobian(LENGTHS, q, frame=frame, axes=axes)
     theirs = np.array([frame_jacobian(arm, x, frame, axes) for x in q])
     assert np.abs(ours - theirs).max() <= 1e-12
 
 
 def test_velocities_propagate_outwards(arm: stp.ClosedChain, rng: np.random.Generator) -> None:
     q, rates = rng.uniform(-np.pi, np.pi, (2, 30, 3))
-    velocities = stp.spatial_arm_velocities(LENGTHS, q, rates)
+    velocities = stp.arms.spatial_arm_velocities(LENGTHS, q, rates)
     data = pin.Data(arm.model)
     names = ("link1", "link2", "link3", "platform")
     for x, dx, omega, velocity in zip(q, rates, velocities.angular, velocities.linear, strict=True):
@@ -53,11 +53,11 @@ def test_velocities_propagate_outwards(arm: stp.ClosedChain, rng: np.random.Gene
 
 def test_the_last_frames_velocity_is_the_jacobian_times_the_rates(rng: np.random.Generator) -> None:
     q, rates = rng.normal(size=(2, 4, 5, 3))
-    velocities = stp.spatial_arm_velocities(LENGTHS, q, rates)
+    velocities = stp.arms.spatial_arm_velocities(LENGTHS, q, rates)
     assert velocities.angular.shape == (4, 5, 4, 3)
     for frame in FRAMES:
         twist = np.einsum(
-            "...ij,...j->...i", stp.spatial_arm_jacobian(LENGTHS, q, frame=frame, axes="frame"), rates
+            "...ij,...j->...i", stp.arms.spatial_arm_jacobian(LENGTHS, q, frame=frame, axes="frame"), rates
         )
         np.testing.assert_allclose(twist[..., :3], velocities.linear[..., frame - 1, :], rtol=0, atol=1e-13)
         np.testing.assert_allclose(twist[..., 3:], velocities.angular[..., frame - 1, :], rtol=0, atol=1e-13)
@@ -101,12 +101,12 @@ def test_printed_mistakes_are_mistakes(arm: stp.ClosedChain) -> None:
 
 def test_bad_input_is_named() -> None:
     with pytest.raises(InputError, match="lengths must be above zero"):
-        stp.spatial_arm_jacobian([1, -1, 1], [0, 0, 0])
+        stp.arms.spatial_arm_jacobian([1, -1, 1], [0, 0, 0])
     with pytest.raises(InputError, match="frame must be one of"):
-        stp.spatial_arm_jacobian([1, 1, 1], [0, 0, 0], frame=2)
+        stp.arms.spatial_arm_jacobian([1, 1, 1], [0, 0, 0], frame=2)
     with pytest.raises(InputError, match="axes must be"):
-        stp.spatial_arm_jacobian([1, 1, 1], [0, 0, 0], axes="world")
+        stp.arms.spatial_arm_jacobian([1, 1, 1], [0, 0, 0], axes="world")
     with pytest.raises(InputError, match="q must have shape"):
-        stp.spatial_arm_velocities([1, 1, 1], [0, 0], [0, 0, 0])
+        stp.arms.spatial_arm_velocities([1, 1, 1], [0, 0], [0, 0, 0])
     with pytest.raises(InputError, match="batch shapes"):
-        stp.spatial_arm_velocities([1, 1, 1], np.zeros((2, 3)), np.zeros((3, 3)))
+        stp.arms.spatial_arm_velocities([1, 1, 1], np.zeros((2, 3)), np.zeros((3, 3)))

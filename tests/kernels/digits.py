@@ -63,7 +63,7 @@ def run(program: Program, inputs: Sequence[Numbers]) -> dict[str, list[Any]]:
     }
 
 
-def efforts(kernels: stp.Kernels, given: Sequence[np.ndarray]) -> np.ndarray:
+def efforts(kernels: stp.compiled.Kernels, given: Sequence[np.ndarray]) -> np.ndarray:
     """Efforts of one state to 50 digits, rounded at last, by the choice of pivots that serves it best."""
     program = kernels._kernel("inverse_dynamics").program
     state = program.inputs[0].name

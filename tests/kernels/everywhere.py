@@ -99,10 +99,10 @@ class Mechanism:
     def __init__(self, name: str, engine: Engine | None = None) -> None:
         self.chain = robot(name)
         self._engine: Engine | None = engine
-        self._kernels: dict[Coordinates, stp.Kernels | None] = {}
+        self._kernels: dict[Coordinates, stp.compiled.Kernels | None] = {}
         self._closed = close_tree(self.chain)
 
-    def kernels(self, coordinates: Coordinates) -> stp.Kernels | None:
+    def kernels(self, coordinates: Coordinates) -> stp.compiled.Kernels | None:
         """Kernels, or None where the coordinates do not determine the chain."""
         if coordinates not in self._kernels:
             try:
@@ -113,7 +113,7 @@ class Mechanism:
         return self._kernels[coordinates]
 
     @property
-    def by_tree(self) -> stp.Kernels:
+    def by_tree(self) -> stp.compiled.Kernels:
         kernels = self.kernels("tree")
         assert kernels is not None
         return kernels
@@ -279,7 +279,7 @@ class Judge:
 
     def __init__(
         self,
-        kernels: stp.Kernels,
+        kernels: stp.compiled.Kernels,
         coordinates: Coordinates,
         states: States,
         tau: np.ndarray,
@@ -323,9 +323,9 @@ class Judge:
                 closure = stp.forward_kinematics(chain, place, q_guess=guess, limits=False, throw=False)
                 if not closure.success:
                     return None
-                here = stp.motion_map(closure.state)
+                here = stp.dynamics.motion_map(closure.state)
                 v = here.G @ rate
-                gamma = stp.motion_map(chain, closure.q, v).gamma
+                gamma = stp.dynamics.motion_map(chain, closure.q, v).gamma
                 moving = rate.any() or acceleration.any()
                 return chain.at(closure.q, v, here.G @ acceleration + gamma if moving else 0 * v)
             pose, still = pin.XYZQUATToSE3(place), np.zeros(chain.nv)

@@ -45,9 +45,9 @@ class HeldState:
             "forward_dynamics": [self.q, self.rates, self.efforts],
         }
 
-    def answer(self, verb: str, displacements: Mapping[stp.GeometryParameter, float]) -> np.ndarray:
+    def answer(self, verb: str, displacements: Mapping[stp.build.GeometryParameter, float]) -> np.ndarray:
         """Rebuild the chain, let the rest follow, and ask the verb of one state."""
-        chain = stp.displace_geometry(self.chain, displacements)
+        chain = stp.build.displace_geometry(self.chain, displacements)
         q = self._closed(chain)
         jacobian = self._jacobian(chain, q)
         v = self._least(jacobian, np.concatenate([np.zeros(chain.nc), self.rates[list(self.rows)]]))

@@ -32,7 +32,11 @@ def lengths_function(hexapod: stp.Hexapod) -> ca.Function:
 
 
 def inverse_dynamics_function(
-    hexapod: stp.Hexapod, bodies: stp.HexapodBodies, pivots: np.ndarray, *, conditioning: bool = False
+    hexapod: stp.Hexapod,
+    bodies: stp.hexapods.HexapodBodies,
+    pivots: np.ndarray,
+    *,
+    conditioning: bool = False,
 ) -> ca.Function:
     """Motor forces of a 6-UPS hexapod whose leg parts are axisymmetric; the formulas of `hexapod_inverse_dynamics`."""
     pose, twist, acc = (ca.SX.sym(n, k) for n, k in (("pose", 7), ("twist", 6), ("acceleration", 6)))
@@ -140,7 +144,7 @@ def pivot_order(matrix: np.ndarray) -> np.ndarray:
     return np.array(order)
 
 
-def sample_hexapod() -> tuple[stp.Hexapod, stp.HexapodBodies]:
+def sample_hexapod() -> tuple[stp.Hexapod, stp.hexapods.HexapodBodies]:
     """Geometry and masses of the bundled robot ``stewart``."""
     s = np.sqrt(3.0)
     # fmt: off
@@ -149,10 +153,10 @@ def sample_hexapod() -> tuple[stp.Hexapod, stp.HexapodBodies]:
     platform = [[.35, s/5, 0], [.475, 3*s/40, 0], [.125, -11*s/40, 0],
                 [-.125, -11*s/40, 0], [-.475, 3*s/40, 0], [-.35, s/5, 0]]
     # fmt: on
-    bodies = stp.HexapodBodies(
-        platform=stp.RigidBody(20.0, np.zeros(3), np.diag([1.5, 1.5, 2.8])),
-        lower=stp.RigidBody(2.0, np.array([0, 0, 0.2]), np.diag([0.03, 0.03, 0.002])),
-        upper=stp.RigidBody(1.5, np.array([0, 0, -0.2]), np.diag([0.02, 0.02, 0.001])),
+    bodies = stp.hexapods.HexapodBodies(
+        platform=stp.hexapods.RigidBody(20.0, np.zeros(3), np.diag([1.5, 1.5, 2.8])),
+        lower=stp.hexapods.RigidBody(2.0, np.array([0, 0, 0.2]), np.diag([0.03, 0.03, 0.002])),
+        upper=stp.hexapods.RigidBody(1.5, np.array([0, 0, -0.2]), np.diag([0.02, 0.02, 0.001])),
     )
     return stp.Hexapod(np.array(base), np.array(platform)), bodies
 

@@ -18,7 +18,7 @@ REGULAR = 1e-2
 
 
 @cache
-def kernels(name: str, coordinates: Any) -> stp.Kernels:
+def kernels(name: str, coordinates: Any) -> stp.compiled.Kernels:
     return stp.compile_kernels(robot(name), coordinates=coordinates)
 
 
@@ -58,9 +58,9 @@ def compared(name: str, count: int, seed: int) -> dict[str, int]:
             number["refused"] += here >= REGULAR
             continue
         q = closure.q
-        G = stp.motion_map(chain, q, np.zeros(chain.nv), coordinates="motor").G
+        G = stp.dynamics.motion_map(chain, q, np.zeros(chain.nv), coordinates="motor").G
         v = G @ rate
-        gamma = stp.motion_map(chain, q, v, coordinates="motor").gamma
+        gamma = stp.dynamics.motion_map(chain, q, v, coordinates="motor").gamma
         right = stp.inverse_dynamics(chain, q, v, G @ acceleration + gamma).tau_motor
         assert close(chain, found[k], right, here), (name, q_motor[k], found[k], right, here)
         number["answered"] += 1

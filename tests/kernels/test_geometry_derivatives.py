@@ -46,7 +46,7 @@ def fat_rods() -> stp.ClosedChain:
     """
     chain = mechanisms.rotary_hexapod()
     ball = pin.Inertia(0.2, np.zeros(3), 0.01 * np.eye(3))
-    return stp.replace_inertias(chain, {f"rod{k}": ball for k in range(6)})
+    return stp.build.replace_inertias(chain, {f"rod{k}": ball for k in range(6)})
 
 
 def chain_named(name: str) -> stp.ClosedChain:
@@ -58,7 +58,7 @@ def chain_named(name: str) -> stp.ClosedChain:
 
 
 @cache
-def kernels_of(name: str, coordinates: Any) -> stp.Kernels:
+def kernels_of(name: str, coordinates: Any) -> stp.compiled.Kernels:
     return stp.compile_kernels(chain_named(name), coordinates=coordinates, engine="numpy")
 
 
@@ -69,14 +69,14 @@ def state_of(name: str, coordinates: str) -> HeldState:
     return held_state(kernels.chain, coordinates, kernels.geometry_held, rng)
 
 
-def derivatives(kernels: stp.Kernels, state: HeldState, verb: str) -> np.ndarray:
+def derivatives(kernels: stp.compiled.Kernels, state: HeldState, verb: str) -> np.ndarray:
     """One state by CasADi itself: compiling for one state takes longer than it is worth."""
     found = kernels.casadi(f"{verb}_by_tree").call([ca.DM(x) for x in state.inputs[verb]])
     return np.array(found[0])
 
 
 def differences(
-    kernels: stp.Kernels, state: HeldState, verb: str, direction: np.ndarray, step: float
+    kernels: stp.compiled.Kernels, state: HeldState, verb: str, direction: np.ndarray, step: float
 ) -> np.ndarray:
     parameters = kernels.geometry_parameters
     used = [(p, x) for p, x in zip(parameters, direction, strict=True) if x]
@@ -98,7 +98,7 @@ def agree_along(
         close(found @ directions, np.transpose(expected), RELATIVE)
 
 
-def mixed(kernels: stp.Kernels, count: int) -> np.ndarray:
+def mixed(kernels: stp.compiled.Kernels, count: int) -> np.ndarray:
     """Random combinations of all displacements that may be made, sizes as those of the robot: each column counts."""
     rng = np.random.default_rng(17)
     basis = kernels.geometry_displacements
@@ -158,7 +158,7 @@ def test_what_locks_has_no_derivative(name: str) -> None:
     locked = []
     for parameter in kernels.geometry_parameters:
         try:
-            stp.displace_geometry(kernels.chain, {parameter: 1e-3})
+            stp.build.displace_geometry(kernels.chain, {parameter: 1e-3})
         except ClosureError:
             locked.append(parameter)
     missing = [

@@ -16,12 +16,12 @@ STATES = 3
 
 
 @cache
-def planar() -> stp.Kernels:
+def planar() -> stp.compiled.Kernels:
     return stp.compile_kernels(robot("five_bar"), coordinates="motor")
 
 
 @cache
-def hexapod(name: str = "stewart") -> stp.Kernels:
+def hexapod(name: str = "stewart") -> stp.compiled.Kernels:
     return stp.compile_kernels(robot(name), engine="numpy")
 
 
@@ -38,7 +38,7 @@ def motion_of_platform(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray
     return pose, rng.uniform(-1, 1, (STATES, 6)), rng.uniform(-5, 5, (STATES, 6))
 
 
-def leg_ends(kernels: stp.Kernels) -> list[stp.GeometryParameter]:
+def leg_ends(kernels: stp.compiled.Kernels) -> list[stp.build.GeometryParameter]:
     """Shifts of the feet, then of the heads of a hexapod, x y z of each leg in turn."""
     links, parameters = (kernels.chain.mechanism.root, kernels.chain.platform), kernels.geometry_parameters
     ends = [p for link in links for p in parameters if (p.link, p.displacement) == (link, "shift")]
@@ -48,7 +48,7 @@ def leg_ends(kernels: stp.Kernels) -> list[stp.GeometryParameter]:
 
 def test_the_names_say_what_moves() -> None:
     kernels = planar()
-    assert kernels.geometry_parameters == stp.geometry_parameters(kernels.chain)
+    assert kernels.geometry_parameters == stp.build.geometry_parameters(kernels.chain)
     assert str(kernels.geometry_parameters[2]) == "joint 'left_hip': shift z in 'base'"
     assert kernels.geometry_held == ("left_hip", "right_hip")
     # In platform coordinates as many components as there are freedoms, position before rotation.
@@ -67,7 +67,11 @@ def test_arrays_and_single_states(rng: np.random.Generator) -> None:
     out = np.empty((STATES, 2, 36))
     found = kernels.inverse_dynamics_geometry(*motion, out=out, status=status, conditioning=conditioning)
     assert found is out
-    assert status.tolist() == [stp.StateStatus.OK, stp.StateStatus.OUT_OF_BOUNDS, stp.StateStatus.OK]
+    assert status.tolist() == [
+        stp.compiled.StateStatus.OK,
+        stp.compiled.StateStatus.OUT_OF_BOUNDS,
+        stp.compiled.StateStatus.OK,
+    ]
     assert conditioning[0] > 1e-3
     assert np.isnan(found[1]).all()
     single = kernels.inverse_dynamics_geometry(*(x[2] for x in motion))
@@ -84,7 +88,7 @@ def test_combinations_are_those_of_their_parts(verb: str, rng: np.random.Generat
     out = np.empty((STATES, 2, basis.shape[1]))
     places = {"out": out, "status": status, "conditioning": conditioning}
     assert getattr(kernels, verb)(*motion, along=basis, **places) is out
-    assert status.tolist() == [stp.StateStatus.OK] * STATES
+    assert status.tolist() == [stp.compiled.StateStatus.OK] * STATES
     assert (conditioning > 1e-3).all()
     alone = np.count_nonzero(basis, axis=0) == 1
     close(out[..., alone], every[..., ~np.isnan(every).all(axis=(0, 1))], 1e-12)
@@ -131,8 +135,10 @@ def closed_form(chain: stp.ClosedChain, shift: np.ndarray, pose, twist, accelera
     geometry = stp.Hexapod.from_chain(chain)
     moved = stp.Hexapod(geometry.base_points + shift[0], geometry.platform_points + shift[1])
     rotation = Rotation.from_quat(pose[3:]).as_matrix()
-    bodies = stp.hexapod_bodies(chain)
-    return stp.hexapod_inverse_dynamics(moved, bodies, pose[:3], rotation, twist, acceleration).actuator
+    bodies = stp.hexapods.hexapod_bodies(chain)
+    return stp.hexapods.hexapod_inverse_dynamics(
+        moved, bodies, pose[:3], rotation, twist, acceleration
+    ).actuator
 
 
 def forward(chain: stp.ClosedChain, shift: np.ndarray, pose, twist, tau: np.ndarray) -> np.ndarray:

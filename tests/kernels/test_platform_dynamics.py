@@ -95,7 +95,9 @@ def test_inverse_dynamics_agrees_with_the_closed_form(name: str, rng: np.random.
     )
     for pose, twist, acceleration, _ in states(placed, rng):
         rotation = pin.Quaternion(pose[3:]).matrix()
-        forces = stp.hexapod_inverse_dynamics(hexapod, bodies, pose[:3], rotation, twist, acceleration)
+        forces = stp.hexapods.hexapod_inverse_dynamics(
+            hexapod, bodies, pose[:3], rotation, twist, acceleration
+        )
         close(call(inverse, pose, twist, acceleration), forces.actuator, AGREE)
 
 

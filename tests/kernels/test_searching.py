@@ -39,11 +39,11 @@ VERBS = (
 
 
 @cache
-def kernels(name: str, coordinates: str, dtype: type = np.float64) -> stp.Kernels:
+def kernels(name: str, coordinates: str, dtype: type = np.float64) -> stp.compiled.Kernels:
     return stp.compile_kernels(robot(name), coordinates=coordinates, dtype=dtype)
 
 
-def states(many: stp.Kernels, rng: np.random.Generator, count: int) -> tuple[list[np.ndarray], ...]:
+def states(many: stp.compiled.Kernels, rng: np.random.Generator, count: int) -> tuple[list[np.ndarray], ...]:
     """Motions in the coordinates of the kernels, and motor positions with a pose near theirs."""
     chain, rows = many.chain, []
     for _ in range(count):

@@ -66,7 +66,7 @@ def round_off(case: Case, generic: float) -> float:
     return generic * max(1.0, 0.01 / conditioning(case.chain, case.q))
 
 
-def round_off_of_efforts(case: Case, generic: float, effort: stp.Effort) -> float:
+def round_off_of_efforts(case: Case, generic: float, effort: stp.dynamics.Effort) -> float:
     """Scale a tolerance on efforts and reactions: where they happen to be small, round-off is as usual."""
     chain = case.chain
     needed = pin.rnea(chain.model, pin.Data(chain.model), case.q, case.v, effort.a) * chain.tangent_scale
@@ -75,7 +75,7 @@ def round_off_of_efforts(case: Case, generic: float, effort: stp.Effort) -> floa
     return round_off(case, generic) * max(1.0, usual / actual)
 
 
-def round_off_of_accelerations(case: Case, generic: float, effort: stp.Effort) -> float:
+def round_off_of_accelerations(case: Case, generic: float, effort: stp.dynamics.Effort) -> float:
     """Scale a tolerance on accelerations: the round-off of large reactions moves a thin rod that may spin the most."""
     chain = case.chain
     push = max(np.abs(effort.tau_motor).max(), chain.length_scale * np.abs(effort.lambda_c).max(initial=0.0))

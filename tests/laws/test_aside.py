@@ -67,7 +67,7 @@ def test_verdicts_and_numbers_of_a_state(name: str, away: float, rng: np.random.
     close([there.length_scale], [here.length_scale], 1e-9)
     assert stp.mobility(there).dof == stp.mobility(here).dof
     assert stp.mobility(there).motors_sufficient == stp.mobility(here).motors_sufficient
-    one, two = (stp.classify_singularity(chain, q) for chain in (here, there))
+    one, two = (stp.singularities.classify_singularity(chain, q) for chain in (here, there))
     assert (one.kinds, one.zlatanov, one.count) == (two.kinds, two.zlatanov, two.count)
     close([two.condition_number], [one.condition_number], max(1e-9, near * one.condition_number))
     for method in ("pinocchio", "constraint_matrix"):
@@ -76,7 +76,7 @@ def test_verdicts_and_numbers_of_a_state(name: str, away: float, rng: np.random.
         if here.nc:
             close(efforts[1].lambda_c, efforts[0].lambda_c, near)
     tau = efforts[0].tau_motor
-    for verb in (stp.forward_dynamics, stp.closed_chain_articulated_body):
+    for verb in (stp.forward_dynamics, stp.dynamics.closed_chain_articulated_body):
         motions = [verb(chain, q, v, tau).a / chain.tangent_scale for chain in (here, there)]
         close(motions[1], motions[0], 1e3 * near)
     pose = [stp.platform_pose(chain, q) for chain in (here, there)]
@@ -154,7 +154,9 @@ def test_balls_and_events(name: str, away: float, rng: np.random.Generator) -> N
     for chain in (here, there):
         try:
             radii.append(
-                stp.inscribed_ball(stp.wrench_polytope(chain, chain.q_home, effort_limit=1e3)).radius
+                stp.polytopes.inscribed_ball(
+                    stp.polytopes.wrench_polytope(chain, chain.q_home, effort_limit=1e3)
+                ).radius
             )
         except (UnsupportedError, ActuationError, stp.errors.SingularityError) as error:
             radii.append(type(error).__name__)

@@ -20,7 +20,7 @@ def test_joint_efforts_do_the_work_of_motor_efforts(held: Case) -> None:
     if not names:
         pytest.skip("every joint is a motor, or idle")
     for joints in (names, names[:1], names[-1:]):
-        found = stp.joint_motor_map(chain, held.q, joints, held.v)
+        found = stp.dynamics.joint_motor_map(chain, held.q, joints, held.v)
         index = [chain.tangent_names.index(name) for name in joints]
         scale = chain.tangent_scale[index]
         tolerance = round_off(held, 1e-10)

@@ -42,7 +42,7 @@ def test_constraint_matrix_equals_pinocchio(held: Case, rng: np.random.Generator
                 assert np.abs(two.lambda_c - one.lambda_c).max() <= tolerance * np.abs(one.tau_motor).max()
 
 
-def leg_parts(chain: stp.ClosedChain) -> tuple[stp.Hexapod, stp.HexapodBodies] | None:
+def leg_parts(chain: stp.ClosedChain) -> tuple[stp.Hexapod, stp.hexapods.HexapodBodies] | None:
     """Geometry and bodies of a chain that is a six-legged platform with the usual names, otherwise None."""
     names = [f"leg{i}_{part}" for part in ("lower", "upper") for i in range(1, 7)]
     links = {link.name: link.inertia for link in chain.mechanism.links}
@@ -52,9 +52,12 @@ def leg_parts(chain: stp.ClosedChain) -> tuple[stp.Hexapod, stp.HexapodBodies] |
         return None
     if any(links.get(name) is None for name in names):
         return None
-    bodies = [stp.RigidBody(y.mass, y.lever, y.inertia) for y in (links[n] for n in (chain.platform, *names))]
+    bodies = [
+        stp.hexapods.RigidBody(y.mass, y.lever, y.inertia)
+        for y in (links[n] for n in (chain.platform, *names))
+    ]
     kind = "spherical" if len(stp.mobility(chain).idle) == 6 else "universal"
-    return hexapod, stp.HexapodBodies(bodies[0], tuple(bodies[1:7]), tuple(bodies[7:]), kind)
+    return hexapod, stp.hexapods.HexapodBodies(bodies[0], tuple(bodies[1:7]), tuple(bodies[7:]), kind)
 
 
 def test_closed_form_equals_pinocchio(chain: stp.ClosedChain, rng: np.random.Generator) -> None:
@@ -66,7 +69,7 @@ def test_closed_form_equals_pinocchio(chain: stp.ClosedChain, rng: np.random.Gen
         # From home, where the legs of spherical joints are unspun, as the closed form takes them to be.
         state = stp.platform_motion(chain, pose, twist, acceleration, limits=False)
         effort = stp.inverse_dynamics(chain, state.q, state.v, state.a)
-        forces = stp.hexapod_inverse_dynamics(
+        forces = stp.hexapods.hexapod_inverse_dynamics(
             *parts, pose.translation, pose.rotation, twist, acceleration, gravity=chain.gravity
         )
         close(effort.tau_motor, forces.actuator, AGREEMENT)

@@ -287,7 +287,7 @@ def formulations(
         "pinocchio": lambda: effort("pinocchio"),
         "constraint_matrix": lambda: effort("constraint_matrix"),
         "forward_dynamics": lambda: forward(stp.forward_dynamics),
-        "articulated bodies": lambda: forward(stp.closed_chain_articulated_body),
+        "articulated bodies": lambda: forward(stp.dynamics.closed_chain_articulated_body),
         "kernels": kernels,
     }
 

@@ -15,7 +15,7 @@ AGREEMENT = 1e-10  # relative, at generic poses
 
 
 @cache
-def kernels(chain: stp.ClosedChain) -> stp.Kernels:
+def kernels(chain: stp.ClosedChain) -> stp.compiled.Kernels:
     # The interpreter runs the programs that are compiled elsewhere, and starts at once.
     return stp.compile_kernels(chain, coordinates="tree", engine="numpy")
 

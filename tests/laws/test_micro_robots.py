@@ -22,7 +22,7 @@ def light(name: str, share: float) -> stp.ClosedChain:
     chain = robot(name)
     bodies = {link.name: link.inertia for link in chain.mechanism.links if link.inertia is not None}
     scaled = {n: pin.Inertia(share * y.mass, y.lever, share * y.inertia) for n, y in bodies.items()}
-    return stp.replace_inertias(chain, scaled)
+    return stp.build.replace_inertias(chain, scaled)
 
 
 def answers(chain: stp.ClosedChain, share: float, rng: np.random.Generator) -> dict[str, np.ndarray]:
@@ -36,7 +36,7 @@ def answers(chain: stp.ClosedChain, share: float, rng: np.random.Generator) -> d
         if chain.nc:
             found[f"reactions, {method}"] = effort.lambda_c / share
     found["forward"] = stp.forward_dynamics(chain, q, v, share * tau).a
-    found["articulated bodies"] = stp.closed_chain_articulated_body(chain, q, v, share * tau).a
+    found["articulated bodies"] = stp.dynamics.closed_chain_articulated_body(chain, q, v, share * tau).a
     found["inertia of the platform's coordinates"] = stp.operational_dynamics(chain, q, v).M / share
     state, pose = chain.at(q, v), stp.platform_pose(chain, q)
     twist, acceleration = state.P @ v, state.P @ a + state.platform_bias
@@ -53,10 +53,10 @@ def answers(chain: stp.ClosedChain, share: float, rng: np.random.Generator) -> d
         found[f"kernels, {coordinates}"] = kernels.inverse_dynamics(*motion) / share
         found[f"forward kernels, {coordinates}"] = kernels.forward_dynamics(*motion[:2], share * tau)
     try:
-        hexapod, bodies = stp.Hexapod.from_chain(chain), stp.hexapod_bodies(chain)
+        hexapod, bodies = stp.Hexapod.from_chain(chain), stp.hexapods.hexapod_bodies(chain)
     except UnsupportedError:
         return found
-    forces = stp.hexapod_inverse_dynamics(
+    forces = stp.hexapods.hexapod_inverse_dynamics(
         hexapod, bodies, pose.translation, pose.rotation, twist, acceleration, gravity=chain.gravity
     )
     found["closed form"] = forces.actuator / share

@@ -33,7 +33,7 @@ def moderate(case: Case) -> None:
 
 def test_the_map_keeps_loops_closed_and_gives_the_rates(held: Case, coordinates: str) -> None:
     chain = held.chain
-    found = stp.motion_map(chain, held.q, held.v, coordinates=coordinates)
+    found = stp.dynamics.motion_map(chain, held.q, held.v, coordinates=coordinates)
     size = np.abs(found.G).max()
     assert np.abs(stp.loop_jacobian(chain, held.q) @ found.G).max(initial=0.0) <= 1e-12 * size
     # The rates are the motors' and the platform's own.
@@ -52,7 +52,7 @@ def test_the_map_keeps_loops_closed_and_gives_the_rates(held: Case, coordinates:
 def test_motors_and_platform_tell_one_motion(held: Case) -> None:
     """The bias of both coordinates belongs to one acceleration, and so do their efforts."""
     chain = held.chain
-    by_motor = stp.motion_map(chain, held.q, held.v)
+    by_motor = stp.dynamics.motion_map(chain, held.q, held.v)
     acceleration = np.linspace(1.0, 2.0, len(by_motor.rate)) * chain.tangent_scale[chain.motor_index]
     a = by_motor.G @ acceleration + by_motor.gamma
     bias = chain.at(held.q).J_c @ a + stp.loop_bias(chain, held.q, held.v)
@@ -64,7 +64,7 @@ def test_bias_is_the_change_of_the_map(held: Case, coordinates: str) -> None:
     """Follow a closed motion: a = G x_acceleration + gamma, with x_acceleration by differences of the rates."""
     moderate(held)
     chain, q, v, a = held.chain, held.q, held.v, held.a
-    here = stp.motion_map(chain, q, v, coordinates=coordinates)
+    here = stp.dynamics.motion_map(chain, q, v, coordinates=coordinates)
     if here.rest.shape[1]:
         pytest.skip("motions at rest follow their inertia, not this curve")
     basis = here.coordinates.basis if coordinates == "platform" else coordinates
@@ -72,7 +72,7 @@ def test_bias_is_the_change_of_the_map(held: Case, coordinates: str) -> None:
 
     def velocity(t: float) -> np.ndarray:
         # The velocity with the rates of the start, as G carries it along.
-        return stp.motion_map(chain, curve(t), coordinates=basis).G @ here.rate
+        return stp.dynamics.motion_map(chain, curve(t), coordinates=basis).G @ here.rate
 
     error = (derivative(velocity, 2e-3) - here.gamma) / chain.tangent_scale
     # The bias is quadratic in the velocity; where it cancels, the parts have the size of the squares.
@@ -127,7 +127,7 @@ def test_change_of_inertia_less_twice_coriolis_is_skew(held: Case, coordinates: 
 def test_coriolis_matrix_gives_the_coriolis_efforts(held: Case, coordinates: str) -> None:
     """Without motion of their own, idle freedoms add nothing: the two ways to the efforts agree."""
     chain = held.chain
-    rate = stp.motion_map(chain, held.q, held.v, coordinates=coordinates)
+    rate = stp.dynamics.motion_map(chain, held.q, held.v, coordinates=coordinates)
     v = rate.G @ rate.rate
     found = stp.operational_dynamics(chain, held.q, v, coordinates=coordinates)
     # Both come from one motion map, whose parts are of the size of M times the square of the rates.
@@ -139,7 +139,7 @@ def test_coriolis_matrix_gives_the_coriolis_efforts(held: Case, coordinates: str
 def test_motor_and_platform_efforts_do_the_same_work(held: Case) -> None:
     """(S G)ᵀ takes motor efforts to the platform: power is power."""
     chain, rng = held.chain, np.random.default_rng(5)
-    found = stp.motion_map(chain, held.q, held.v, coordinates="platform")
+    found = stp.dynamics.motion_map(chain, held.q, held.v, coordinates="platform")
     if found.rest.shape[1] and np.abs(found.rest[chain.motor_index]).max() > 1e-8:
         pytest.skip("a redundant arm's motors also move it within itself")
     tau_motor = rng.normal(size=chain.nu) / chain.tangent_scale[chain.motor_index]

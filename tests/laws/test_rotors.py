@@ -94,7 +94,7 @@ def test_articulated_bodies_agree(chain: stp.ClosedChain, rng: np.random.Generat
     q, v, _ = moving(chain, rng)
     tau = rng.normal(size=chain.nu)
     one = stp.forward_dynamics(chain, q, v, tau)
-    two = stp.closed_chain_articulated_body(chain, q, v, tau)
+    two = stp.dynamics.closed_chain_articulated_body(chain, q, v, tau)
     close(two.a / chain.tangent_scale, one.a / chain.tangent_scale, 1e-9)
     if not chain.nc:
         three = stp.articulated_body_acceleration(chain, q, v, chain.motor_rows.T @ tau)
@@ -160,7 +160,7 @@ def test_simulation_by_kernels_keeps_the_energy(rng: np.random.Generator) -> Non
 def test_rebuilt_chains_keep_their_rotors() -> None:
     chain = turning("stewart")
     own = dict(zip(chain.tangent_names, chain.model.armature, strict=True))
-    parameter = stp.geometry_parameters(chain)[0]
+    parameter = stp.build.geometry_parameters(chain)[0]
     body = pin.Inertia(1.0, np.zeros(3), np.eye(3))
     for rebuilt in (
         stp.massless_legs(chain),
@@ -169,7 +169,7 @@ def test_rebuilt_chains_keep_their_rotors() -> None:
         stp.with_platform(chain, "leg1_upper"),
         stp.lock_joints(chain, ["leg1"]),
         stp.on_floating_base(chain, base_inertia=body),
-        stp.displace_geometry(chain, {parameter: 1e-3}),
+        stp.build.displace_geometry(chain, {parameter: 1e-3}),
     ):
         for name, amount in zip(rebuilt.tangent_names, rebuilt.model.armature, strict=True):
             assert amount == own.get(name, 0.0), name
@@ -177,7 +177,10 @@ def test_rebuilt_chains_keep_their_rotors() -> None:
 
 def test_what_has_no_place_for_rotors_says_so(tmp_path: Path) -> None:
     chain = turning("stewart")
-    for ask in (lambda: stp.hexapod_bodies(chain), lambda: stp.write_urdf(chain, tmp_path / "robot.urdf")):
+    for ask in (
+        lambda: stp.hexapods.hexapod_bodies(chain),
+        lambda: stp.write_urdf(chain, tmp_path / "robot.urdf"),
+    ):
         with pytest.raises(
             UnsupportedError, match=r"has no place for rotors, and joint .* set the armature to zero"
         ):

@@ -85,7 +85,7 @@ def test_momentum_of_a_free_stewart_platform_stays(duration: float) -> None:
         q, v = pin.normalize(chain.model, y[:n]), y[n:]
         stretch = q[chain.motor_q_index] - rest
         tau = -400 * stretch - 60 * v[chain.motor_index] + 20 * np.sin(3 * t + phase)
-        a = stp.closed_chain_articulated_body(chain, q, v, tau).a
+        a = stp.dynamics.closed_chain_articulated_body(chain, q, v, tau).a
         return np.concatenate([pin.tangentMap(chain.model, q) @ v, a])
 
     v = np.zeros(chain.nv)

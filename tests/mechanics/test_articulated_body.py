@@ -62,7 +62,7 @@ def test_a_carried_base_is_a_free_base_whose_motion_is_known(rng: np.random.Gene
         v, tau, acceleration = rng.normal(size=free.nv), rng.normal(size=chain.nv), rng.normal(size=6)
         rotation = pin.XYZQUATToSE3(q[:7]).rotation
         twist = np.concatenate([rotation @ v[:3], rotation @ v[3:6]])
-        base = stp.BaseMotion(rotation, twist, acceleration)
+        base = stp.dynamics.BaseMotion(rotation, twist, acceleration)
         ours = stp.articulated_body_acceleration(chain, q[7:], v[6:], tau, base_motion=base)
         inertia = pin.crba(free.model, data, q)
         inertia = np.triu(inertia) + np.triu(inertia, 1).T
@@ -79,11 +79,11 @@ def test_only_acceleration_and_turning_of_the_base_matter(rng: np.random.Generat
     chain = stp.load("arm_7r")
     q, v, tau = _random_state(chain, rng)
     still = stp.articulated_body_acceleration(chain, q, v, tau)
-    sailing = stp.BaseMotion(twist=np.array([12.0, -3.0, 1.0, 0, 0, 0]))
+    sailing = stp.dynamics.BaseMotion(twist=np.array([12.0, -3.0, 1.0, 0, 0, 0]))
     moved = stp.articulated_body_acceleration(chain, q, v, tau, base_motion=sailing)
     np.testing.assert_allclose(moved, still, rtol=0, atol=1e-11 * np.abs(still).max())
     # A base that falls freely is one without gravity (equivalence); a tilted base has tilted gravity.
-    falling = stp.BaseMotion(acceleration=np.concatenate([chain.gravity, np.zeros(3)]))
+    falling = stp.dynamics.BaseMotion(acceleration=np.concatenate([chain.gravity, np.zeros(3)]))
     weightless = stp.load("arm_7r", gravity=(0, 0, 0))
     np.testing.assert_allclose(
         stp.articulated_body_acceleration(chain, q, v, tau, base_motion=falling),
@@ -94,7 +94,7 @@ def test_only_acceleration_and_turning_of_the_base_matter(rng: np.random.Generat
     tilt = rotation_from_rpy(0.3, -0.2, 0.1)
     tilted = stp.load("arm_7r", gravity=tilt.T @ chain.gravity)
     np.testing.assert_allclose(
-        stp.articulated_body_acceleration(chain, q, v, tau, base_motion=stp.BaseMotion(tilt)),
+        stp.articulated_body_acceleration(chain, q, v, tau, base_motion=stp.dynamics.BaseMotion(tilt)),
         stp.articulated_body_acceleration(tilted, q, v, tau),
         rtol=0,
         atol=1e-11 * np.abs(still).max(),
@@ -131,6 +131,6 @@ def test_bad_states_are_named(q, v, tau, words: str) -> None:
 
 def test_bad_base_motions_are_named() -> None:
     with pytest.raises(InputError, match="twist must have shape"):
-        stp.BaseMotion(twist=np.zeros(3))
+        stp.dynamics.BaseMotion(twist=np.zeros(3))
     with pytest.raises(InputError, match="rotation must hold rotation matrices"):
-        stp.BaseMotion(2 * np.eye(3))
+        stp.dynamics.BaseMotion(2 * np.eye(3))

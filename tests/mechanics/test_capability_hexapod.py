@@ -31,12 +31,12 @@ def test_speeds_of_the_report_s_wrong_matrix(report_cad: stp.Hexapod) -> None:
     wrong[:, 1] = np.abs(wrong[:, 1])
     wrong[2, 1] = 0.3851
     np.testing.assert_allclose(
-        stp.velocity_limits_of_jacobian(wrong, rate_limit=0.5), [1.2727, 2.9060, 0.7629], atol=0.6e-4
+        stp.limits.velocity_limits_of_jacobian(wrong, rate_limit=0.5), [1.2727, 2.9060, 0.7629], atol=0.6e-4
     )
     # A whole column of the other sign mirrors the set, and changes nothing.
     mirrored = stp.leg_jacobian(report_cad, REPORT, LEVEL)[:, :3] * [1, -1, 1]
     np.testing.assert_allclose(
-        stp.velocity_limits_of_jacobian(mirrored, rate_limit=0.5),
+        stp.limits.velocity_limits_of_jacobian(mirrored, rate_limit=0.5),
         stp.velocity_limits(report_cad, REPORT, LEVEL, rate_limit=0.5), rtol=1e-12,
     )  # fmt: skip
 
@@ -135,7 +135,7 @@ def test_singular_pose_is_refused(report_ideal: stp.Hexapod) -> None:
     with pytest.raises(SingularityError, match="smallest singular value"):
         stp.load_limit(report_ideal, [0, 0, 1.0], yaw, force_limit=1e4)
     with pytest.raises(SingularityError, match="some velocity has no bound"):
-        stp.velocity_limits_of_jacobian(np.ones((2, 3)), rate_limit=0.5)
+        stp.limits.velocity_limits_of_jacobian(np.ones((2, 3)), rate_limit=0.5)
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def test_singular_pose_is_refused(report_ideal: stp.Hexapod) -> None:
         (lambda h: stp.velocity_limits(h, REPORT, np.stack([LEVEL] * 2), rate_limit=1.0), "rotation must have"),
         (lambda h: stp.load_limit(h, REPORT, LEVEL, force_limit=np.nan), "force_limit must be finite"),
         (lambda h: stp.load_limit(h, REPORT, LEVEL, force_limit=1.0, direction=[0, 0, 0]), "must not be zero"),
-        (lambda h: stp.velocity_limits_of_jacobian(np.ones(3), rate_limit=1.0), "jacobian must have shape"),
+        (lambda h: stp.limits.velocity_limits_of_jacobian(np.ones(3), rate_limit=1.0), "jacobian must have shape"),
     ],
 )  # fmt: skip
 def test_bad_input_is_named(report_cad: stp.Hexapod, call, words) -> None:

@@ -67,7 +67,7 @@ def block_programme(cost, equal, right, low, high) -> np.ndarray:
 
 def test_velocities_equal_a_programme_over_all_joint_rates(chain: stp.ClosedChain, rng) -> None:
     q = generic(chain, rng)
-    polytope = stp.velocity_polytope(chain, q)
+    polytope = stp.polytopes.velocity_polytope(chain, q)
     coordinates = np.linalg.pinv(polytope.basis)
     directions = rng.standard_normal((1000, len(polytope.names))) * polytope.scale
     rate = np.full(chain.nv, np.inf)
@@ -76,14 +76,14 @@ def test_velocities_equal_a_programme_over_all_joint_rates(chain: stp.ClosedChai
         directions @ coordinates @ platform_jacobian(chain, q),
         stp.loop_jacobian(chain, q), np.zeros(chain.nc), -rate, rate,
     )  # fmt: skip
-    found = np.array([stp.polytope_support(polytope, d) for d in directions])
+    found = np.array([stp.polytopes.polytope_support(polytope, d) for d in directions])
     assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("gravity", [False, True])
 def test_wrenches_equal_a_programme_over_all_efforts_and_reactions(chain, gravity: bool, rng) -> None:
     q = generic(chain, rng)
-    polytope = stp.wrench_polytope(chain, q, gravity=gravity)
+    polytope = stp.polytopes.wrench_polytope(chain, q, gravity=gravity)
     directions = rng.standard_normal((500 if gravity else 1000, len(polytope.names))) / np.abs(
         polytope.vertices
     ).max(axis=0)
@@ -108,13 +108,16 @@ def test_wrenches_equal_a_programme_over_all_efforts_and_reactions(chain, gravit
     bound = np.concatenate([far, np.ones(chain.nu), free])
     cost = np.hstack([directions, np.zeros((len(directions), chain.nu + chain.nc))])
     expected = block_programme(cost, equal, weight / scale, -bound, bound)
-    found = np.array([stp.polytope_support(polytope, d) for d in directions])
+    found = np.array([stp.polytopes.polytope_support(polytope, d) for d in directions])
     assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
 def test_faces_and_corners_describe_the_same_set(chain: stp.ClosedChain, rng) -> None:
     q = generic(chain, rng)
-    for polytope in (stp.velocity_polytope(chain, q), stp.wrench_polytope(chain, q, gravity=True)):
+    for polytope in (
+        stp.polytopes.velocity_polytope(chain, q),
+        stp.polytopes.wrench_polytope(chain, q, gravity=True),
+    ):
         over = (polytope.vertices @ polytope.normals.T - polytope.offsets) / np.abs(polytope.offsets).max()
         d = len(polytope.names)
         assert over.max() < 1e-12
@@ -124,21 +127,21 @@ def test_faces_and_corners_describe_the_same_set(chain: stp.ClosedChain, rng) ->
         ).all()
         # Rays leave through the faces where the hull of the corners ends.
         for direction in rng.standard_normal((20, d)) / polytope.scale:
-            end = stp.polytope_reach(polytope, direction) * direction
+            end = stp.polytopes.polytope_reach(polytope, direction) * direction
             weights = linprog(
                 np.zeros(len(polytope.vertices)),
                 A_eq=np.vstack([(polytope.vertices * polytope.scale).T, np.ones(len(polytope.vertices))]),
                 b_eq=np.append((1 - 1e-9) * end * polytope.scale, 1.0), bounds=(0, None),
             )  # fmt: skip
             assert weights.status == 0
-            assert not stp.polytope_contains(polytope, 1.001 * end)
+            assert not stp.polytopes.polytope_contains(polytope, 1.001 * end)
         np.testing.assert_allclose(np.linalg.norm(polytope.normals / polytope.scale, axis=1), 1.0, atol=1e-12)
 
 
 def test_zonotope_has_the_faces_that_counting_gives(tmp_path: Path) -> None:
     # Seven rates in six dimensions in general position: 2 C(7, 5) faces and 2 Σ C(6, i), i < 6, corners.
     arm = small.arm(tmp_path, "zyzyzyz")
-    polytope = stp.velocity_polytope(arm, arm.q_home)
+    polytope = stp.polytopes.velocity_polytope(arm, arm.q_home)
     assert polytope.normals.shape == (42, 6) and polytope.vertices.shape == (126, 6)
 
 
@@ -147,8 +150,8 @@ def test_six_legs_equal_the_closed_form(cad: stp.ClosedChain, rng) -> None:
     q = generic(cad, rng)
     pose = stp.platform_pose(cad, q)
     jacobian = stp.leg_jacobian(hexapod, pose.translation, pose.rotation)
-    velocity = stp.velocity_polytope(cad, q, rate_limit=0.5)
-    wrench = stp.wrench_polytope(cad, q, effort_limit=1e4)
+    velocity = stp.polytopes.velocity_polytope(cad, q, rate_limit=0.5)
+    wrench = stp.polytopes.wrench_polytope(cad, q, effort_limit=1e4)
     choices = np.array(np.meshgrid(*[[-1.0, 1.0]] * 6)).reshape(6, -1)
     for polytope, corners in (
         (velocity, np.linalg.solve(jacobian, 0.5 * choices)),
@@ -162,57 +165,59 @@ def test_six_legs_equal_the_closed_form(cad: stp.ClosedChain, rng) -> None:
     np.testing.assert_allclose(
         velocity.normals[leg3] / velocity.offsets[leg3], jacobian[2] / 0.5, rtol=0, atol=1e-11
     )
-    assert stp.polytope_support(stp.polytope_section(velocity), [0, 1, 0]) == pytest.approx(
+    assert stp.polytopes.polytope_support(
+        stp.polytopes.polytope_section(velocity), [0, 1, 0]
+    ) == pytest.approx(
         stp.velocity_limits(hexapod, pose.translation, pose.rotation, rate_limit=0.5)[1], rel=1e-12
     )
-    assert stp.polytope_reach(wrench, [0, 0, 1, 0, 0, 0]) == pytest.approx(
+    assert stp.polytopes.polytope_reach(wrench, [0, 0, 1, 0, 0, 0]) == pytest.approx(
         stp.load_limit(hexapod, pose.translation, pose.rotation, force_limit=1e4), rel=1e-12
     )
 
 
 def test_weight_shifts_the_wrenches_by_what_holds_it(cad: stp.ClosedChain) -> None:
     q = cad.q_home
-    free, loaded = (stp.wrench_polytope(cad, q, gravity=g) for g in (False, True))
+    free, loaded = (stp.polytopes.wrench_polytope(cad, q, gravity=g) for g in (False, True))
     holding = stp.inverse_dynamics(cad, q, np.zeros(cad.nv), np.zeros(cad.nv)).tau_motor
     shift = stp.motor_jacobian(cad, q).T @ holding
     moved = free.vertices - shift
     assert all(np.abs(loaded.vertices - corner).max(axis=1).min() < 1e-8 for corner in moved)
     # What can still be lifted is less than without weight, by about the weight of the platform and half the legs.
     up = [0, 0, 1, 0, 0, 0]
-    assert 2000 < stp.polytope_reach(free, up) - stp.polytope_reach(loaded, up) < 4000
+    assert 2000 < stp.polytopes.polytope_reach(free, up) - stp.polytopes.polytope_reach(loaded, up) < 4000
 
 
 def test_too_weak_motors_leave_nothing(cad: stp.ClosedChain) -> None:
-    weak = stp.wrench_polytope(cad, cad.q_home, effort_limit=100.0, gravity=True)
-    assert stp.inscribed_ball(weak).radius < 0
+    weak = stp.polytopes.wrench_polytope(cad, cad.q_home, effort_limit=100.0, gravity=True)
+    assert stp.polytopes.inscribed_ball(weak).radius < 0
     with pytest.raises(InputError, match="cannot hold the robot"):
-        stp.polytope_reach(weak, [0, 0, 1, 0, 0, 0])
+        stp.polytopes.polytope_reach(weak, [0, 0, 1, 0, 0, 0])
 
 
 def test_ball_touches_the_nearest_face(chain: stp.ClosedChain, rng) -> None:
-    polytope = stp.velocity_polytope(chain, generic(chain, rng))
-    ball = stp.inscribed_ball(polytope)
+    polytope = stp.polytopes.velocity_polytope(chain, generic(chain, rng))
+    ball = stp.polytopes.inscribed_ball(polytope)
     assert np.linalg.norm(ball.direction * polytope.scale) == pytest.approx(ball.radius)
-    assert stp.polytope_reach(polytope, ball.direction) == pytest.approx(1.0)
+    assert stp.polytopes.polytope_reach(polytope, ball.direction) == pytest.approx(1.0)
     directions = rng.standard_normal((500, len(polytope.names)))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True) * polytope.scale
-    assert min(stp.polytope_reach(polytope, d) for d in directions) >= ball.radius
+    assert min(stp.polytopes.polytope_reach(polytope, d) for d in directions) >= ball.radius
 
 
 def test_section_and_shadow_in_three_dimensions(chain: stp.ClosedChain, rng) -> None:
-    polytope = stp.velocity_polytope(chain, generic(chain, rng))
-    section, shadow = stp.polytope_section(polytope), stp.polytope_projection(polytope)
+    polytope = stp.polytopes.velocity_polytope(chain, generic(chain, rng))
+    section, shadow = stp.polytopes.polytope_section(polytope), stp.polytopes.polytope_projection(polytope)
     d = len(polytope.names)
     fill = np.eye(d)[:, :3]
     for direction in rng.standard_normal((50, 3)):
-        inside = stp.polytope_reach(section, direction)
-        assert inside == pytest.approx(stp.polytope_reach(polytope, fill @ direction), rel=1e-9)
-        assert stp.polytope_support(shadow, direction) == pytest.approx(
-            stp.polytope_support(polytope, fill @ direction), rel=1e-9
+        inside = stp.polytopes.polytope_reach(section, direction)
+        assert inside == pytest.approx(stp.polytopes.polytope_reach(polytope, fill @ direction), rel=1e-9)
+        assert stp.polytopes.polytope_support(shadow, direction) == pytest.approx(
+            stp.polytopes.polytope_support(polytope, fill @ direction), rel=1e-9
         )
         # Programme over the faces for the corners of the section.
         best = linprog(-direction, A_ub=polytope.normals[:, :3], b_ub=polytope.offsets, bounds=(None, None))
-        assert stp.polytope_support(section, direction) == pytest.approx(-best.fun, rel=1e-9)
+        assert stp.polytopes.polytope_support(section, direction) == pytest.approx(-best.fun, rel=1e-9)
     assert section.names == polytope.names[:3]
 
 
@@ -227,19 +232,21 @@ def test_leg_at_the_end_of_its_stroke_cannot_go_on(cad: stp.ClosedChain, rng) ->
     q = stp.inverse_kinematics(cad, pin.SE3(np.eye(3), np.array([0, 0, low]))).q
     stopped = np.flatnonzero(stp.motor_positions(cad, q) > 2.70147 - 1e-9)
     assert 0 < len(stopped) < 6
-    polytope = stp.velocity_polytope(cad, q)
+    polytope = stp.polytopes.velocity_polytope(cad, q)
     rates = polytope.vertices @ stp.motor_jacobian(cad, q).T
     assert rates[:, stopped].max() < 1e-12 and np.delete(rates, stopped, axis=1).max() == pytest.approx(0.5)
-    assert stp.polytope_reach(polytope, [0, 0, 1, 0, 0, 0]) == 0.0
-    assert stp.inscribed_ball(polytope).radius == 0.0
-    assert stp.inscribed_ball(polytope).limit == f"leg{stopped[0] + 1} at +0"
-    free = stp.velocity_polytope(cad, q, limits=False)
-    assert stp.polytope_reach(free, [0, 0, 1, 0, 0, 0]) > 0.5
+    assert stp.polytopes.polytope_reach(polytope, [0, 0, 1, 0, 0, 0]) == 0.0
+    assert stp.polytopes.inscribed_ball(polytope).radius == 0.0
+    assert stp.polytopes.inscribed_ball(polytope).limit == f"leg{stopped[0] + 1} at +0"
+    free = stp.polytopes.velocity_polytope(cad, q, limits=False)
+    assert stp.polytopes.polytope_reach(free, [0, 0, 1, 0, 0, 0]) > 0.5
     # The section without turning: a programme over the faces.
-    section = stp.polytope_section(polytope)
+    section = stp.polytopes.polytope_section(polytope)
     for direction in rng.standard_normal((30, 3)):
         best = linprog(-direction, A_ub=polytope.normals[:, :3], b_ub=polytope.offsets, bounds=(None, None))
-        assert stp.polytope_support(section, direction) == pytest.approx(-best.fun, rel=1e-9, abs=1e-12)
+        assert stp.polytopes.polytope_support(section, direction) == pytest.approx(
+            -best.fun, rel=1e-9, abs=1e-12
+        )
 
 
 def test_stated_rates_of_passive_joints_count(tmp_path: Path, rng) -> None:
@@ -250,7 +257,7 @@ def test_stated_rates_of_passive_joints_count(tmp_path: Path, rng) -> None:
     slow.write_text(head + '<joint name="leg2_x"' + tail.replace('velocity="1e30"', 'velocity="0.05"', 1))
     chain = stp.load(slow)
     q = generic(chain, rng)
-    polytope = stp.velocity_polytope(chain, q)
+    polytope = stp.polytopes.velocity_polytope(chain, q)
     assert {"leg2_x at +0.05", "leg2_x at -0.05"} <= set(polytope.limits)
     rate = np.array(chain.model.upperVelocityLimit)
     directions = rng.standard_normal((200, 6)) * polytope.scale
@@ -258,7 +265,7 @@ def test_stated_rates_of_passive_joints_count(tmp_path: Path, rng) -> None:
         directions @ platform_jacobian(chain, q), stp.loop_jacobian(chain, q), np.zeros(chain.nc),
         -np.where(rate < 1e20, rate, np.inf), np.where(rate < 1e20, rate, np.inf),
     )  # fmt: skip
-    found = np.array([stp.polytope_support(polytope, d) for d in directions])
+    found = np.array([stp.polytopes.polytope_support(polytope, d) for d in directions])
     assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
@@ -290,7 +297,7 @@ def test_singular_pose_names_the_freedom() -> None:
     chain = stp.load("stewart")
     turned = pin.SE3(pin.exp3(np.array([0, 0, np.pi / 2])), np.array([0, 0, 1.0]))
     q = stp.inverse_kinematics(chain, turned).q
-    for polytope in (stp.velocity_polytope, stp.wrench_polytope):
+    for polytope in (stp.polytopes.velocity_polytope, stp.polytopes.wrench_polytope):
         with pytest.raises(SingularityError, match="platform_pose wz") as caught:
             polytope(chain, q)
         assert caught.value.smallest_singular_value < 1e-12
@@ -299,39 +306,39 @@ def test_singular_pose_names_the_freedom() -> None:
 def test_bad_input_is_named(cad: stp.ClosedChain, report_ideal: stp.Hexapod) -> None:
     q = cad.q_home
     with pytest.raises(InputError, match="rate_limit must be finite and above zero"):
-        stp.velocity_polytope(cad, q, rate_limit=0.0)
+        stp.polytopes.velocity_polytope(cad, q, rate_limit=0.0)
     with pytest.raises(InputError, match=r"rate_limit must be one number or an array of shape \(6,\)"):
-        stp.velocity_polytope(cad, q, rate_limit=[1.0, 2.0])
+        stp.polytopes.velocity_polytope(cad, q, rate_limit=[1.0, 2.0])
     with pytest.raises(InputError, match="effort_limit must be finite"):
-        stp.wrench_polytope(cad, q, effort_limit=np.inf)
+        stp.polytopes.wrench_polytope(cad, q, effort_limit=np.inf)
     with pytest.raises(InputError, match="length must be a finite number above zero"):
-        stp.wrench_polytope(cad, q, length=0.0)
+        stp.polytopes.wrench_polytope(cad, q, length=0.0)
     with pytest.raises(InputError, match="q must have shape"):
-        stp.velocity_polytope(cad, q[:-1])
+        stp.polytopes.velocity_polytope(cad, q[:-1])
     with pytest.raises(InputError, match="does not keep the loops closed"):
-        stp.velocity_polytope(cad, pin.integrate(cad.model, q, np.full(cad.nv, 0.1)))
+        stp.polytopes.velocity_polytope(cad, pin.integrate(cad.model, q, np.full(cad.nv, 0.1)))
     steel = pin.Inertia(20.0, np.zeros(3), np.eye(3))
     unlimited = stp.hexapod_chain(report_ideal, platform=steel, lower=steel, upper=steel)
     with pytest.raises(InputError, match=r"states no usable limit for the motors leg1, .* pass rate_limit"):
-        stp.velocity_polytope(unlimited, unlimited.q_home)
+        stp.polytopes.velocity_polytope(unlimited, unlimited.q_home)
     with pytest.raises(InputError, match="pass effort_limit"):
-        stp.wrench_polytope(unlimited, unlimited.q_home)
+        stp.polytopes.wrench_polytope(unlimited, unlimited.q_home)
     low = stp.inverse_kinematics(cad, pin.SE3(np.eye(3), np.array([0, 0, 0.8])), limits=False).q
     with pytest.raises(UnreachableError, match=r"'leg1' at 0\.764039") as caught:
-        stp.velocity_polytope(cad, low)
+        stp.polytopes.velocity_polytope(cad, low)
     assert len(caught.value.violations) == 6
-    polytope = stp.velocity_polytope(cad, q)
+    polytope = stp.polytopes.velocity_polytope(cad, q)
     with pytest.raises(InputError, match="direction must not be zero"):
-        stp.polytope_reach(polytope, np.zeros(6))
+        stp.polytopes.polytope_reach(polytope, np.zeros(6))
     with pytest.raises(InputError, match="coordinates must be different indices from 0 to 5"):
-        stp.polytope_section(polytope, (0, 1, 6))
+        stp.polytopes.polytope_section(polytope, (0, 1, 6))
 
 
 def test_idle_motion_that_the_weight_loads_is_said() -> None:
     # Spherical lower joints leave each leg free to spin; a mass beside the leg's axis makes it do so.
     chain = stp.load("stewart_sps")
     heavy = pin.Inertia(5.0, np.array([0.3, 0.1, 0.2]), 0.1 * np.eye(3))
-    chain = stp.replace_inertias(chain, {"leg1_lower": heavy})
-    stp.wrench_polytope(chain, chain.q_home)
+    chain = stp.build.replace_inertias(chain, {"leg1_lower": heavy})
+    stp.polytopes.wrench_polytope(chain, chain.q_home)
     with pytest.raises(UnsupportedError, match="no motor drives"):
-        stp.wrench_polytope(chain, chain.q_home, gravity=True)
+        stp.polytopes.wrench_polytope(chain, chain.q_home, gravity=True)

@@ -32,7 +32,7 @@ def distance(one: np.ndarray, other: np.ndarray) -> float:
 
 def lcaba(chain: stp.ClosedChain, q, v, tau_motor) -> np.ndarray:
     """Run Pinocchio's closed-chain articulated-body algorithm, with datas of its own."""
-    models, datas = stp.constraint_models(chain), pin.StdVec_RigidConstraintData()
+    models, datas = stp.loops.constraint_models(chain), pin.StdVec_RigidConstraintData()
     for model in models:
         datas.append(model.createData())
     data, tau = pin.Data(chain.model), np.zeros(chain.nv)
@@ -50,7 +50,7 @@ def test_four_forward_dynamics_agree(name: str, rng: np.random.Generator) -> Non
     mobility = stp.mobility(chain)
     for _ in range(5):
         q, v, tau = closed_state(chain, rng)
-        ours = stp.closed_chain_articulated_body(chain, q, v, tau)
+        ours = stp.dynamics.closed_chain_articulated_body(chain, q, v, tau)
         projection = stp.forward_dynamics(chain, q, v, tau)
         assert distance(ours.a, projection.a) <= 1e-9
         assert distance(ours.lambda_c, projection.lambda_c) <= 1e-9
@@ -79,7 +79,7 @@ def test_every_kind_of_loop(kind: JointKind, rng: np.random.Generator) -> None:
     for _ in range(3):
         q, v, tau = closed_state(chain, rng)
         ours, theirs = (
-            stp.closed_chain_articulated_body(chain, q, v, tau),
+            stp.dynamics.closed_chain_articulated_body(chain, q, v, tau),
             stp.forward_dynamics(chain, q, v, tau),
         )
         assert distance(ours.a, theirs.a) <= 1e-9
@@ -91,7 +91,7 @@ def test_redundant_loops_change_nothing_but_the_reactions(rng: np.random.Generat
     q, v, tau = closed_state(chain, rng)
     twice = (*chain.loops, replace(chain.loops[2], name="again"))
     redundant = build_chain(replace(chain.mechanism, loops=twice))
-    one, two = (stp.closed_chain_articulated_body(x, q, v, tau) for x in (chain, redundant))
+    one, two = (stp.dynamics.closed_chain_articulated_body(x, q, v, tau) for x in (chain, redundant))
     assert distance(two.a, one.a) <= 1e-9
     # Least norm: the doubled loop shares its reaction evenly.
     np.testing.assert_allclose(two.lambda_c[6:9], one.lambda_c[6:9] / 2, rtol=1e-8, atol=1e-8)
@@ -106,7 +106,7 @@ def test_a_chain_without_loops_is_a_tree(name: str, rng: np.random.Generator) ->
     q, v, tau_motor = closed_state(chain, rng)
     tau = np.zeros(chain.nv)
     tau[chain.motor_index] = tau_motor
-    motion = stp.closed_chain_articulated_body(chain, q, v, tau_motor)
+    motion = stp.dynamics.closed_chain_articulated_body(chain, q, v, tau_motor)
     np.testing.assert_array_equal(motion.a, stp.articulated_body_acceleration(chain, q, v, tau))
     assert motion.lambda_c.shape == (0,)
 
@@ -118,10 +118,10 @@ def test_platform_on_a_ship(rng: np.random.Generator) -> None:
     free = stp.on_floating_base(chain)
     whole = np.concatenate([free.q_home[:7], q])
     base_v, base_a = rng.normal(size=(2, 6))
-    ship = stp.BaseMotion(
+    ship = stp.dynamics.BaseMotion(
         np.eye(3), base_v, base_a + np.concatenate([np.cross(base_v[3:], base_v[:3]), np.zeros(3)])
     )
-    ours = stp.closed_chain_articulated_body(chain, q, v, tau, base_motion=ship)
+    ours = stp.dynamics.closed_chain_articulated_body(chain, q, v, tau, base_motion=ship)
     data, rates = pin.Data(free.model), np.concatenate([base_v, v])
     jacobian = stp.loop_jacobian(free, whole)
     bias = stp.loop_bias(free, whole, rates)
@@ -143,8 +143,8 @@ def test_open_loops_are_refused(rng: np.random.Generator) -> None:
     with pytest.raises(InputError, match=r"q does not keep the loops closed: .* leg3_ball row 3"):
         moved = q.copy()
         moved[chain.motor_q_index[2]] += 1e-3
-        stp.closed_chain_articulated_body(chain, moved, v, tau)
+        stp.dynamics.closed_chain_articulated_body(chain, moved, v, tau)
     with pytest.raises(InputError, match="v does not keep the loops closed"):
-        stp.closed_chain_articulated_body(chain, q, v + 0.1, tau)
+        stp.dynamics.closed_chain_articulated_body(chain, q, v + 0.1, tau)
     with pytest.raises(InputError, match="tau_motor must have shape"):
-        stp.closed_chain_articulated_body(chain, q, v, np.zeros(chain.nv))
+        stp.dynamics.closed_chain_articulated_body(chain, q, v, np.zeros(chain.nv))

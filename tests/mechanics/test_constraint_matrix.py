@@ -36,13 +36,13 @@ from tests.mechanisms import (
 )
 
 
-def system_of(chain: stp.ClosedChain, q=None, v=None, a=None) -> stp.ConstraintMatrixSystem:
+def system_of(chain: stp.ClosedChain, q=None, v=None, a=None) -> stp.dynamics.ConstraintMatrixSystem:
     zero = np.zeros(chain.nv)
     pick = (chain.q_home if q is None else q), (zero if v is None else v), (zero if a is None else a)
     return stp.constraint_matrix_system(chain, *pick)
 
 
-def rank(system: stp.ConstraintMatrixSystem) -> int:
+def rank(system: stp.dynamics.ConstraintMatrixSystem) -> int:
     # Between the smallest entry of a rod's inertia, 1e-3 kg m², and round-off of 40 kg there is a wide gap.
     return int(np.linalg.matrix_rank(system.matrix.toarray(), tol=1e-9))
 
@@ -363,7 +363,7 @@ def test_gravity_and_mass_enter_linearly(rng: np.random.Generator) -> None:
     }
     q = random_configuration(chain, rng, 0.2)
     v, a = random_motion(chain, rng, q)
-    double = stp.replace_inertias(replace(chain), heavy)
+    double = stp.build.replace_inertias(replace(chain), heavy)
     for method in ("pinocchio", "constraint_matrix"):
         one = stp.inverse_dynamics(chain, q, v, a, method=method).tau_motor
         close(stp.inverse_dynamics(double, q, v, a, method=method).tau_motor, 2 * one, 1e-12)

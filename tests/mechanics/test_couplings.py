@@ -55,7 +55,7 @@ def test_formulations_agree(chain: stp.ClosedChain, rng: np.random.Generator) ->
     motion = stp.forward_dynamics(chain, q, v, effort.tau_motor)
     close(motion.a, a, 1e-11)
     close(motion.lambda_c, effort.lambda_c, 1e-10)
-    judge = stp.closed_chain_articulated_body(chain, q, v, effort.tau_motor)
+    judge = stp.dynamics.closed_chain_articulated_body(chain, q, v, effort.tau_motor)
     close(judge.a, a, 1e-10)
     close(judge.lambda_c, effort.lambda_c, 1e-10)
 
@@ -183,7 +183,7 @@ def test_a_state_off_the_coupling_is_refused(chain: stp.ClosedChain) -> None:
         with pytest.raises(InputError, match=r"cam|belt|thread"):
             stp.inverse_dynamics(chain, q, zero, zero, method=method)
     with pytest.raises(InputError, match=r"cam|belt|thread"):
-        stp.closed_chain_articulated_body(chain, q, zero, np.zeros(2))
+        stp.dynamics.closed_chain_articulated_body(chain, q, zero, np.zeros(2))
 
 
 @pytest.mark.parametrize(

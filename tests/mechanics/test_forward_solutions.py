@@ -15,7 +15,7 @@ def test_four_bar_closes_in_two_ways() -> None:
     chain = four_bar()
     crank = stp.motor_positions(chain, chain.q_home)
     found = stp.forward_kinematics(chain, crank, all=True)
-    assert isinstance(found, stp.ForwardSolutions) and not found.complete
+    assert isinstance(found, stp.loops.ForwardSolutions) and not found.complete
     assert len(found.closures) == 2 and sum(found.hits) <= found.starts
     assert found.missed_share == 0.0
     for closure in found.closures:
@@ -29,7 +29,7 @@ def test_four_bar_closes_in_two_ways() -> None:
 def test_platform_is_found_at_home_and_elsewhere() -> None:
     chain = stp.load("stewart_cad")
     lengths = stp.motor_positions(chain, chain.q_home)
-    found = stp.all_forward_kinematics(chain, lengths, starts=12)
+    found = stp.loops.all_forward_kinematics(chain, lengths, starts=12)
     home = stp.platform_pose(chain, chain.q_home)
     assert any(pose.isApprox(home, 1e-9) for pose in found.poses)
     hexapod = stp.Hexapod.from_chain(chain)
@@ -43,4 +43,4 @@ def test_platform_is_found_at_home_and_elsewhere() -> None:
 
 def test_without_a_start_there_is_an_error() -> None:
     with pytest.raises(InputError, match="starts must be 1 or more"):
-        stp.all_forward_kinematics(four_bar(), [0.0], starts=0)
+        stp.loops.all_forward_kinematics(four_bar(), [0.0], starts=0)

@@ -68,11 +68,11 @@ def test_ankle(rng: np.random.Generator) -> None:
     assert np.abs(ankle_lengths(*angles) - lengths).max() < 1e-12
     # Rates of the lengths per rate of the angles, by differences of the trigonometry.
     steps = [derivative(lambda t, e=e: ankle_lengths(*(angles + t * e))) for e in np.eye(2)]
-    found = stp.joint_motor_map(chain, q, ["pitch", "roll"], motors=["motor0", "motor1"])
+    found = stp.dynamics.joint_motor_map(chain, q, ["pitch", "roll"], motors=["motor0", "motor1"])
     close(found.inverse, np.stack(steps, axis=1), 1e-10)
     close(found.J @ found.inverse, np.eye(2), 1e-12)
     # With all motors the knee adds a column of zeros, and its motor cannot be told from the ankle.
-    whole = stp.joint_motor_map(chain, q, ["pitch", "roll"])
+    whole = stp.dynamics.joint_motor_map(chain, q, ["pitch", "roll"])
     close(whole.J, np.hstack([np.zeros((2, 1)), found.J]), 1e-12)
     assert whole.inverse is None and whole.unique
 
@@ -85,7 +85,7 @@ def test_ankle_holds_a_joint_torque(rng: np.random.Generator) -> None:
     beside = stp.inverse_dynamics(chain, q, v, a).tau_motor
     direct = build_chain(chain.described(), motors=["knee", "pitch", "roll"])
     inside = stp.inverse_dynamics(direct, q, v, a).tau_motor
-    found = stp.joint_motor_map(chain, q, ["knee", "pitch", "roll"])
+    found = stp.dynamics.joint_motor_map(chain, q, ["knee", "pitch", "roll"])
     close(found.J.T @ inside, beside, 1e-10)
     close(found.inverse.T @ beside, inside, 1e-10)
 
@@ -99,7 +99,7 @@ def test_power_and_rates(build, rng: np.random.Generator) -> None:
     v, a = random_motion(chain, rng, q)
     names = [n for n in chain.model.names[1:] if n not in chain.motors and n not in idle]
     for joints in (names, names[:1], list(chain.motors)[::-1]):
-        found = stp.joint_motor_map(chain, q, joints, v)
+        found = stp.dynamics.joint_motor_map(chain, q, joints, v)
         index = [entry(chain, name) for name in found.joints]
         rate_motor, rate_joint = v[chain.motor_index], v[index]
         close(found.J @ rate_motor, rate_joint, 1e-9)
@@ -112,7 +112,7 @@ def test_redundant_motors_share(rng: np.random.Generator) -> None:
     chain = five_bar()
     q = random_configuration(chain, rng)
     v, _ = random_motion(chain, rng, q)
-    found = stp.joint_motor_map(chain, q, ["right_knee"])
+    found = stp.dynamics.joint_motor_map(chain, q, ["right_knee"])
     assert not found.unique
     close(found.J @ v[chain.motor_index], v[[entry(chain, "right_knee")]], 1e-10)
 
@@ -120,18 +120,18 @@ def test_redundant_motors_share(rng: np.random.Generator) -> None:
 def test_joints_that_motors_do_not_hold_are_refused() -> None:
     chain = rotary_hexapod()
     with pytest.raises(ActuationError, match=r"elbow0 can move with the motors .* at rest: elbow0"):
-        stp.joint_motor_map(chain, chain.q_home, ["elbow0"])
+        stp.dynamics.joint_motor_map(chain, chain.q_home, ["elbow0"])
     with pytest.raises(ActuationError, match="pitch, roll can move with the motors knee, motor0 at rest"):
-        stp.joint_motor_map(ankle(), ankle().q_home, ["pitch", "roll"], motors=["knee", "motor0"])
+        stp.dynamics.joint_motor_map(ankle(), ankle().q_home, ["pitch", "roll"], motors=["knee", "motor0"])
 
 
 def test_unknown_names_are_refused() -> None:
     chain = four_bar()
     with pytest.raises(InputError, match=r"joints name the joint 'knee'.*crank_motor, elbow"):
-        stp.joint_motor_map(chain, chain.q_home, ["knee"])
+        stp.dynamics.joint_motor_map(chain, chain.q_home, ["knee"])
     with pytest.raises(InputError, match="motors name the joint 'hip'"):
-        stp.joint_motor_map(chain, chain.q_home, ["elbow"], motors=["hip"])
+        stp.dynamics.joint_motor_map(chain, chain.q_home, ["elbow"], motors=["hip"])
     with pytest.raises(InputError, match="joints must be a list"):
-        stp.joint_motor_map(chain, chain.q_home, "elbow")
+        stp.dynamics.joint_motor_map(chain, chain.q_home, "elbow")
     with pytest.raises(InputError, match="joints must be a list"):
-        stp.joint_motor_map(chain, chain.q_home, [])
+        stp.dynamics.joint_motor_map(chain, chain.q_home, [])

@@ -57,8 +57,8 @@ def test_rates_and_accelerations_of_the_legs(name: str, rng: np.random.Generator
     pose, twist, acceleration = random_pose(chain, rng), rng.normal(size=6), rng.normal(size=6)
     state = stp.platform_motion(chain, pose, twist, acceleration, limits=False)
     at = hexapod, pose.translation, pose.rotation, twist
-    close(state.v[chain.motor_index], stp.leg_rates(*at), 1e-12)
-    close(state.a[chain.motor_index], stp.leg_accelerations(*at, acceleration), 1e-12)
+    close(state.v[chain.motor_index], stp.hexapods.leg_rates(*at), 1e-12)
+    close(state.a[chain.motor_index], stp.hexapods.leg_accelerations(*at, acceleration), 1e-12)
 
 
 @pytest.mark.parametrize("name", stp.robots())
@@ -175,8 +175,8 @@ def test_a_guess_that_cannot_be_closed_is_no_crash() -> None:
     guess = np.array([0.0, np.pi, 0.0])
     pose = stp.platform_pose(chain, chain.q_home)
     closure = stp.inverse_kinematics(chain, pose, q_guess=guess, throw=False, limits=False)
-    assert isinstance(closure, stp.Closure) and np.isfinite(closure.q).all()
-    assert isinstance(stp.forward_kinematics(chain, [1.0], q_guess=guess, throw=False), stp.Closure)
+    assert isinstance(closure, stp.loops.Closure) and np.isfinite(closure.q).all()
+    assert isinstance(stp.forward_kinematics(chain, [1.0], q_guess=guess, throw=False), stp.loops.Closure)
 
 
 def test_far_poses_are_approached_in_stretches(monkeypatch: pytest.MonkeyPatch) -> None:

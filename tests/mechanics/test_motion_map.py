@@ -31,7 +31,7 @@ def test_four_bar_rate_ratios(kind: JointKind, rng: np.random.Generator) -> None
     crank, coupler, rocker = four_bar_angles(chain, q)
     ratio_coupler = CRANK * np.sin(rocker - crank) / (COUPLER * np.sin(coupler - rocker))
     ratio_rocker = CRANK * np.sin(crank - coupler) / (ROCKER * np.sin(rocker - coupler))
-    G = dict(zip(chain.tangent_names, stp.motion_map(chain, q).G[:, 0], strict=True))
+    G = dict(zip(chain.tangent_names, stp.dynamics.motion_map(chain, q).G[:, 0], strict=True))
     assert G["crank_motor"] == pytest.approx(1.0, abs=1e-12)
     assert G["crank_motor"] + G["elbow"] == pytest.approx(ratio_coupler, rel=1e-9)
     assert G["rocker_hinge"] == pytest.approx(ratio_rocker, rel=1e-9)
@@ -41,14 +41,14 @@ def test_four_bar_bias_is_the_second_derivative_of_the_angles(rng: np.random.Gen
     chain = four_bar()
     q = random_configuration(chain, rng, 0.4)
     speed = 1.3
-    v = stp.motion_map(chain, q).G[:, 0] * speed
+    v = stp.dynamics.motion_map(chain, q).G[:, 0] * speed
     at = stp.motor_positions(chain, q)
 
     def rates(t: float) -> np.ndarray:
         moved = stp.forward_kinematics(chain, at + speed * t, q_guess=q).q
-        return stp.motion_map(chain, moved).G[:, 0] * speed
+        return stp.dynamics.motion_map(chain, moved).G[:, 0] * speed
 
-    close(stp.motion_map(chain, q, v).gamma, derivative(rates), 1e-9)
+    close(stp.dynamics.motion_map(chain, q, v).gamma, derivative(rates), 1e-9)
 
 
 def test_four_bar_inertia_is_that_of_its_links(rng: np.random.Generator) -> None:
@@ -56,7 +56,7 @@ def test_four_bar_inertia_is_that_of_its_links(rng: np.random.Generator) -> None
     chain = four_bar()
     q = random_configuration(chain, rng, 0.4)
     crank, coupler, rocker = four_bar_angles(chain, q)
-    G = dict(zip(chain.tangent_names, stp.motion_map(chain, q).G[:, 0], strict=True))
+    G = dict(zip(chain.tangent_names, stp.dynamics.motion_map(chain, q).G[:, 0], strict=True))
     ways = {"crank": 1.0, "coupler": 1.0 + G["elbow"], "rocker": G["rocker_hinge"]}
 
     def across(angle: float) -> np.ndarray:
@@ -124,7 +124,7 @@ def test_spins_without_inertia_get_the_least_motion(rng: np.random.Generator) ->
     chain = stp.massless_legs(robot("stewart_sps"))
     q = random_configuration(chain, rng)
     v, _ = random_motion(chain, rng, q)
-    found = stp.motion_map(chain, q, v)
+    found = stp.dynamics.motion_map(chain, q, v)
     assert found.rest.shape[1] == 6
     scale = chain.tangent_scale[:, None]
     assert np.abs((found.rest / scale).T @ (found.G / scale)).max() < 1e-12
@@ -141,7 +141,7 @@ def test_redundant_motors_are_named_with_a_choice(rng: np.random.Generator) -> N
     chain = five_bar()
     q = random_configuration(chain, rng)
     with pytest.raises(SingularityError, match=r"are 3, but only 2 .* pass coordinates=\[") as caught:
-        stp.motion_map(chain, q)
+        stp.dynamics.motion_map(chain, q)
     assert caught.value.names == chain.motors
     v, _ = random_motion(chain, rng, q)
     found = stp.operational_dynamics(chain, q, v, coordinates=["left_hip", "right_hip"])
@@ -155,16 +155,18 @@ def test_redundant_motors_are_named_with_a_choice(rng: np.random.Generator) -> N
 def test_leftover_freedom_is_named(rng: np.random.Generator) -> None:
     chain = five_bar(motors=("left_hip",))
     with pytest.raises(ActuationError, match=r"1 freedom\(s\) left over, the motion .*right") as caught:
-        stp.motion_map(chain, chain.q_home)
+        stp.dynamics.motion_map(chain, chain.q_home)
     motion = caught.value.direction
     assert np.abs(stp.loop_jacobian(chain, chain.q_home) @ motion).max() < 1e-12
     assert motion[chain.motor_index] == pytest.approx(0.0, abs=1e-12)
     # The platform's own coordinates determine everything, whatever the motors.
-    assert stp.motion_map(chain, chain.q_home, coordinates="platform").rest.shape[1] == 0
+    assert stp.dynamics.motion_map(chain, chain.q_home, coordinates="platform").rest.shape[1] == 0
 
 
 def test_platform_coordinates_are_axes_where_there_are_axes(rng: np.random.Generator) -> None:
-    found = stp.motion_map(robot("arm_3r_planar"), np.array([0.3, 0.9, -0.4]), coordinates="platform")
+    found = stp.dynamics.motion_map(
+        robot("arm_3r_planar"), np.array([0.3, 0.9, -0.4]), coordinates="platform"
+    )
     assert len(found.coordinates.names) == 3 and set(found.coordinates.names) <= {
         "vx",
         "vy",
@@ -174,13 +176,13 @@ def test_platform_coordinates_are_axes_where_there_are_axes(rng: np.random.Gener
         "wz",
     }
     chain = robot("stewart")
-    names = stp.motion_map(chain, chain.q_home, coordinates="platform").coordinates.names
+    names = stp.dynamics.motion_map(chain, chain.q_home, coordinates="platform").coordinates.names
     assert names == ("vx", "vy", "vz", "wx", "wy", "wz")
     # Elsewhere a basis, which can be handed back.
     bar = five_bar(motors=("left_hip", "right_hip"))
-    found = stp.motion_map(bar, bar.q_home, coordinates="platform")
+    found = stp.dynamics.motion_map(bar, bar.q_home, coordinates="platform")
     assert found.coordinates.names == ("mode 1", "mode 2")
-    again = stp.motion_map(bar, bar.q_home, coordinates=found.coordinates.basis)
+    again = stp.dynamics.motion_map(bar, bar.q_home, coordinates=found.coordinates.basis)
     close(again.G, found.G, 1e-12)
 
 
@@ -214,20 +216,20 @@ def test_platform_wrench_is_the_effort_of_platform_coordinates(rng: np.random.Ge
 def test_unknown_coordinates_are_refused(coordinates: object, message: str) -> None:
     chain = five_bar(motors=("left_hip", "right_hip"))
     with pytest.raises(InputError, match=message):
-        stp.motion_map(chain, chain.q_home, coordinates=coordinates)
+        stp.dynamics.motion_map(chain, chain.q_home, coordinates=coordinates)
 
 
 def test_a_twist_that_the_platform_cannot_do_is_refused() -> None:
     chain = five_bar(motors=("left_hip", "right_hip"))
     # The origin of the tip link is the knee: it moves on a circle, and never out of the plane.
     with pytest.raises(SingularityError, match=r"only 1 of them .*\+1·mode 3 stays at rest"):
-        stp.motion_map(chain, chain.q_home, coordinates=np.eye(6)[:, [0, 1, 2]])
+        stp.dynamics.motion_map(chain, chain.q_home, coordinates=np.eye(6)[:, [0, 1, 2]])
 
 
 def test_open_loops_are_refused() -> None:
     chain = four_bar()
     with pytest.raises(InputError, match="q does not keep the loops closed"):
-        stp.motion_map(chain, chain.q_home + 0.1)
+        stp.dynamics.motion_map(chain, chain.q_home + 0.1)
     with pytest.raises(InputError, match="v does not keep the loops closed"):
         stp.operational_dynamics(chain, chain.q_home, np.ones(chain.nv))
 
@@ -235,4 +237,4 @@ def test_open_loops_are_refused() -> None:
 def test_a_platform_that_cannot_move_is_refused() -> None:
     chain = replace(four_bar(), platform="ground")
     with pytest.raises(UnsupportedError, match="cannot move"):
-        stp.motion_map(chain, chain.q_home, coordinates="platform")
+        stp.dynamics.motion_map(chain, chain.q_home, coordinates="platform")

@@ -14,7 +14,7 @@ from tests.closed_states import KINDS, random_configuration, random_motion, robo
 from tests.mechanisms import four_bar
 
 
-def at_origin(reaction: stp.Reaction) -> np.ndarray:
+def at_origin(reaction: stp.dynamics.Reaction) -> np.ndarray:
     return np.concatenate([reaction.force, reaction.moment + np.cross(reaction.point, reaction.force)])
 
 

@@ -34,14 +34,14 @@ def test_four_bar_crank_in_line_with_coupler(fold: int) -> None:
         elbow=0 if fold == 1 else np.pi,
         rocker_hinge=np.arctan2(tip[1], tip[0] - 0.9),
     )
-    found = stp.classify_singularity(chain, q)
+    found = stp.singularities.classify_singularity(chain, q)
     assert found.kinds == ("platform",) and found.zlatanov == ("RI", "IO")
     assert found.measures["platform"] < 1e-12 < found.measures["motor"]
     assert found.count.platform == 0 and found.condition_number == np.inf
     close(found.lost_twist.values, np.array([0, 0, 0, 0, 0, 1.0]), 1e-6)
     # Its coordinate is gone as well, whatever round-off is left of it.
     with pytest.raises(UnsupportedError, match="cannot move here"):
-        stp.motion_map(chain, q, coordinates="platform")
+        stp.dynamics.motion_map(chain, q, coordinates="platform")
     assert (
         str(found.carried_wrench) == "mz +0.45 N m"
     )  # of unit size once moments are divided by the robot's 0.45 m, half its longest link
@@ -54,7 +54,7 @@ def test_four_bar_coupler_in_line_with_rocker() -> None:
     elbow = 0.6 * np.array([np.cos(crank), np.sin(crank)])
     rocker = np.arctan2(elbow[1], elbow[0] - 0.9)
     q = at_angles(chain, crank_motor=crank, elbow=rocker + np.pi - crank, rocker_hinge=rocker)
-    found = stp.classify_singularity(chain, q)
+    found = stp.singularities.classify_singularity(chain, q)
     assert found.kinds == ("motor",) and found.zlatanov == ("RO", "II")
     assert str(found.worst_twist) == "wz +1 rad/s"
     assert str(found) == "locked motors leave the platform free (type II, parallel) [RO, II]"
@@ -68,7 +68,7 @@ def test_flat_parallelogram_gains_a_freedom() -> None:
     """All links in line: parallelogram and antiparallelogram meet, the loops leave two freedoms for a moment."""
     chain = replace(four_bar(lengths=(0.3, 0.9, 0.3)), platform="rocker")
     q = chain.q_home * 0.0
-    found = stp.classify_singularity(chain, q)
+    found = stp.singularities.classify_singularity(chain, q)
     assert found.count.dof == 2 and found.generic.dof == 1
     assert set(found.kinds) >= {"loop", "motor"} and "IIM" in found.zlatanov
     assert found.measures["loop"] < 1e-12
@@ -98,7 +98,7 @@ def test_five_bar_leg_in_line(side: str) -> None:
             f"{names[1]}_knee": -2 * bend,
         },
     )
-    found = stp.classify_singularity(at_pin(chain), q, axes=("vx", "vy"))
+    found = stp.singularities.classify_singularity(at_pin(chain), q, axes=("vx", "vy"))
     assert found.kinds == ("platform",) and found.zlatanov == ("RI", "IO")
     # What is lost is the motion along the leg.
     along = np.array([np.cos(direction), np.sin(direction)])
@@ -112,7 +112,7 @@ def test_five_bar_distal_links_in_line() -> None:
     chain = robot("five_bar")
     hip = np.arccos((0.18 - 0.118) / 2 / 0.09)  # knees 0.18 m apart
     q = at_angles(chain, left_hip=np.pi - hip, left_knee=hip - np.pi, right_hip=hip, right_knee=np.pi - hip)
-    found = stp.classify_singularity(chain, q, axes=("vx", "vy"))
+    found = stp.singularities.classify_singularity(chain, q, axes=("vx", "vy"))
     assert found.kinds == ("motor",) and found.zlatanov == ("RO", "II")
     close(found.worst_twist.values / found.length, np.array([0, 1.0, 0, 0, 0, 0]), 1e-6)
     close(found.worst_wrench.values, np.array([0, 1.0, 0, 0, 0, 0]), 1e-6)
@@ -136,7 +136,7 @@ def test_planar_platform_whose_leg_lines_meet() -> None:
     assert np.abs(off(x)).max() < 1e-11
     pose = pin.SE3(pin.exp3(np.array([0, 0, x[5]])), np.array([x[0], x[1], 0]))
     q = stp.inverse_kinematics(chain, pose, limits=False).q
-    found = stp.classify_singularity(chain, q)
+    found = stp.singularities.classify_singularity(chain, q)
     assert found.kinds == ("motor",) and found.zlatanov == ("RO", "II")
     twist = found.worst_twist.values
     centre = x[:2] + np.array([-twist[1], twist[0]]) / twist[5]
@@ -148,7 +148,7 @@ def test_planar_platform_with_a_leg_without_length() -> None:
     chain = robot("rpr_planar")
     pose = pin.SE3(pin.exp3(np.array([0, 0, 0.3])), np.zeros(3))
     q = stp.inverse_kinematics(chain, pose, limits=False).q
-    found = stp.classify_singularity(chain, q)
+    found = stp.singularities.classify_singularity(chain, q)
     assert stp.motor_positions(chain, q)[0] == pytest.approx(0.0, abs=1e-9)
     assert found.kinds == ("platform", "passive") and found.zlatanov == ("II", "IO", "RPM")
     spin = found.motions["passive"]
@@ -166,7 +166,7 @@ def test_hexapod_turned_by_a_right_angle(yaw: float, place: tuple[float, float, 
     chain = robot("stewart")
     turn = pin.rpy.rpyToMatrix(0, 0, np.deg2rad(yaw))
     q = stp.inverse_kinematics(chain, pin.SE3(turn, np.array(place)), limits=False).q
-    found = stp.classify_singularity(chain, q)
+    found = stp.singularities.classify_singularity(chain, q)
     assert found.kinds == ("motor",) and found.zlatanov == ("RO", "II")
     assert found.condition_number == np.inf
     # The closed form knows nothing of the chain.
@@ -180,7 +180,7 @@ def test_the_gained_motion_has_no_idle_spin_in_it(name: str) -> None:
     chain = robot(name)
     pose = pin.SE3(pin.rpy.rpyToMatrix(0, 0, np.pi / 2), np.array([0, 0, 1.0]))
     q = stp.inverse_kinematics(chain, pose, limits=False).q
-    found = stp.classify_singularity(chain, q)
+    found = stp.singularities.classify_singularity(chain, q)
     motion, idle = found.motions["motor"], chain.at(q).freedom.idle
     assert np.abs(motion[chain.motor_index]).max() < 1e-9
     twist = chain.at(q).P @ motion
@@ -203,7 +203,7 @@ def test_delta_with_straight_arms() -> None:
             q[joint.idx_q] = angle if name.startswith("motor") else np.pi / 2
     q[chain.model.joints[chain.model.getJointId("platform_pose")].idx_q + 2] = -depth
     assert np.abs(stp.loop_gap(chain, q)).max() < 1e-9
-    found = stp.classify_singularity(chain, q)
+    found = stp.singularities.classify_singularity(chain, q)
     assert found.kinds == ("platform",)
     assert found.count.platform == 0 and found.count.inner == 3 and found.count.idle == 6
     assert found.zlatanov == ("RI", "IO")
@@ -212,22 +212,22 @@ def test_delta_with_straight_arms() -> None:
 def test_translational_platform_that_begins_to_turn() -> None:
     """3-UPU: its legs' couples depend on each other at 2 (R - r) from the axis (Di Gregorio, Parenti-Castelli)."""
     chain = three_upu(0.5, 0.3)
-    usual = stp.generic_freedom(chain)
+    usual = stp.loops.generic_freedom(chain)
     assert (usual.dof, usual.motor, usual.platform) == (3, 3, 3)
     for direction in (0.2, 1.5, 4.0):
         way = np.array([np.cos(direction), np.sin(direction)])
         q = moved(chain, *(0.4 * way), 1.0)
-        found = stp.classify_singularity(chain, q)
+        found = stp.singularities.classify_singularity(chain, q)
         assert found.kinds == ("loop", "motor") and found.zlatanov == ("RO", "IIM")
         assert found.count.dof == 4 and found.count.uncontrolled == 1
-        beside = stp.classify_singularity(chain, moved(chain, *(0.38 * way), 1.0))
+        beside = stp.singularities.classify_singularity(chain, moved(chain, *(0.38 * way), 1.0))
         assert beside.kinds == () and beside.measures["loop"] > 1e-3
 
 
 def test_platform_and_base_alike_gain_two_turns() -> None:
     """The 3-UPU with R = r: all couples are vertical at home, so that it wobbles about both other axes."""
     chain = three_upu(0.3, 0.3)
-    found = stp.classify_singularity(chain, chain.q_home)
+    found = stp.singularities.classify_singularity(chain, chain.q_home)
     assert found.kinds == ("loop", "motor")
     assert found.count.dof == found.generic.dof + 2
 
@@ -235,7 +235,7 @@ def test_platform_and_base_alike_gain_two_turns() -> None:
 @pytest.mark.parametrize("name", ["arm_3r_planar", "arm_7r"])
 def test_stretched_arms(name: str) -> None:
     chain = robot(name)
-    found = stp.classify_singularity(chain, np.zeros(chain.nq))
+    found = stp.singularities.classify_singularity(chain, np.zeros(chain.nq))
     assert found.kinds == ("platform",) and found.zlatanov == ("RI", "IO")
     assert found.measures["loop"] == np.inf  # there are no loops to depend on each other
     # The wrench along the arm loads no joint.
@@ -247,7 +247,7 @@ def test_a_lost_twist_lies_in_the_plane_of_a_tilted_robot(rng: np.random.Generat
     """What a planar robot never does, out of its plane, is not what it loses."""
     turn = pin.exp3(rng.normal(size=3))
     chain = tilted(robot("arm_3r_planar"), turn)
-    found = stp.classify_singularity(chain, np.zeros(3))
+    found = stp.singularities.classify_singularity(chain, np.zeros(3))
     assert found.kinds == ("platform",)
     lost = found.lost_twist.values / np.linalg.norm(found.lost_twist.values)
     close(np.abs(turn.T @ lost[:3]), np.array([1.0, 0, 0]), 1e-3)  # a neighbour 1e-4 aside tells
@@ -258,7 +258,7 @@ def test_a_lost_twist_lies_in_the_plane_of_a_tilted_robot(rng: np.random.Generat
 @pytest.mark.parametrize("pose", ["generic", "near_singular"])
 def test_generic_configurations_are_regular(name: str, pose: str) -> None:
     chain = robot(name)
-    found = stp.classify_singularity(chain, configuration(name, pose))
+    found = stp.singularities.classify_singularity(chain, configuration(name, pose))
     assert found.kinds == () and found.zlatanov == ()
     assert found.count == found.generic
     assert str(found).startswith("regular, condition number")
@@ -269,7 +269,7 @@ def test_condition_number_is_that_of_the_motor_jacobian(name: str, rng: np.rando
     chain = robot(name)
     q = random_configuration(chain, rng)
     for length in (0.3, 1.0):
-        found = stp.classify_singularity(chain, q, length=length)
+        found = stp.singularities.classify_singularity(chain, q, length=length)
         jacobian = stp.motor_jacobian(chain, q) * np.repeat([length, 1.0], 3)
         _, s, vt = np.linalg.svd(jacobian)
         assert found.condition_number == pytest.approx(s[0] / s[-1], rel=1e-8)
@@ -288,15 +288,15 @@ def test_condition_number_is_that_of_the_motor_jacobian(name: str, rng: np.rando
 def test_the_unit_of_length_decides_nothing(build) -> None:
     chain = build()
     other = in_other_unit(chain, 1e3)
-    here, there = (stp.classify_singularity(x, x.q_home) for x in (chain, other))
+    here, there = (stp.singularities.classify_singularity(x, x.q_home) for x in (chain, other))
     assert here.measures == pytest.approx(there.measures, rel=1e-9)
     assert here.condition_number == pytest.approx(there.condition_number, rel=1e-9)
 
 
 def test_screws_spell_themselves_out() -> None:
-    twist = stp.Screw("twist", np.array([0, 0.5, 0, 0, 1e-12, -2.0]))
+    twist = stp.singularities.Screw("twist", np.array([0, 0.5, 0, 0, 1e-12, -2.0]))
     assert str(twist) == "vy +0.5 m/s, wz -2 rad/s"
-    wrench = stp.Screw("wrench", np.array([0, 0.5, 0, 0, 0, -2.0]))
+    wrench = stp.singularities.Screw("wrench", np.array([0, 0.5, 0, 0, 0, -2.0]))
     assert str(wrench) == "fy +0.5 N, mz -2 N m"
     assert wrench.names[0] == "fx" and wrench.units[5] == "N m"
 
@@ -304,10 +304,12 @@ def test_screws_spell_themselves_out() -> None:
 def test_bad_arguments_are_refused() -> None:
     chain = four_bar()
     with pytest.raises(InputError, match="length must be a finite number above zero"):
-        stp.classify_singularity(chain, chain.q_home, length=-1.0)
+        stp.singularities.classify_singularity(chain, chain.q_home, length=-1.0)
     with pytest.raises(InputError, match="axes must be some of vx"):
-        stp.classify_singularity(chain, chain.q_home, axes=("x",))
+        stp.singularities.classify_singularity(chain, chain.q_home, axes=("x",))
     with pytest.raises(InputError, match="are not those of generic"):
-        stp.classify_singularity(chain, chain.q_home, axes=("vx",), generic=stp.generic_freedom(chain))
+        stp.singularities.classify_singularity(
+            chain, chain.q_home, axes=("vx",), generic=stp.loops.generic_freedom(chain)
+        )
     with pytest.raises(InputError, match="q does not keep the loops closed"):
-        stp.classify_singularity(chain, chain.q_home + 0.1)
+        stp.singularities.classify_singularity(chain, chain.q_home + 0.1)

@@ -103,7 +103,7 @@ def test_massless_legs_are_refused(tmp_path: Path) -> None:
 
 def test_a_point_platform_is_refused(tmp_path: Path) -> None:
     chain = stp.load("stewart")
-    point = stp.replace_inertias(chain, {"platform": pin.Inertia(20.0, np.zeros(3), np.zeros((3, 3)))})
+    point = stp.build.replace_inertias(chain, {"platform": pin.Inertia(20.0, np.zeros(3), np.zeros((3, 3)))})
     path = tmp_path / "robot.xml"
     with pytest.raises(UnsupportedError, match="'platform' has the principal moment 0 kg m²"):
         stp.export(point, path, format="mjcf")

@@ -15,7 +15,7 @@ from tests.retelling.case import case
 
 
 def composite(chain: stp.ClosedChain, **options) -> partial:
-    return partial(stp.sinusoidal_motion, home=stp.platform_pose(chain, chain.q_home), **options)
+    return partial(stp.motions.sinusoidal_motion, home=stp.platform_pose(chain, chain.q_home), **options)
 
 
 def start(chain: stp.ClosedChain, reference) -> stp.State:
@@ -23,7 +23,7 @@ def start(chain: stp.ClosedChain, reference) -> stp.State:
     return stp.platform_motion(chain, want.pose(0), want.twist[0], want.acceleration[0])
 
 
-def rms_error(run: stp.Simulation, reference) -> tuple[float, float, float]:
+def rms_error(run: stp.simulation.Simulation, reference) -> tuple[float, float, float]:
     want = reference(run.time)
     parts = (
         (run.platform.position, want.position),
@@ -37,7 +37,9 @@ def rms_error(run: stp.Simulation, reference) -> tuple[float, float, float]:
 def test_gravity_compensation_holds_the_robot(name: str) -> None:
     chain = robot(name)
     q = random_configuration(chain, np.random.default_rng(2), 0.05)
-    run = stp.simulate(chain, q, np.zeros(chain.nv), stp.GravityCompensation(chain), duration=0.1, dt=2e-3)
+    run = stp.simulate(
+        chain, q, np.zeros(chain.nv), stp.control.GravityCompensation(chain), duration=0.1, dt=2e-3
+    )
     # Idle spins of balanced legs stay; everything else has no reason to move.
     assert np.abs(run.platform.twist).max() < 1e-9
 
@@ -47,9 +49,9 @@ def test_inverse_dynamics_tracks_to_the_integrators_accuracy(model: str) -> None
     chain = robot("stewart")
     reference = composite(chain)
     controller = (
-        stp.Feedforward(chain, reference)
+        stp.control.Feedforward(chain, reference)
         if model == "feedforward"
-        else stp.ComputedTorque(chain, reference, kp=0.0, kd=0.0)
+        else stp.control.ComputedTorque(chain, reference, kp=0.0, kd=0.0)
     )
     state = start(chain, reference)
     errors = []
@@ -65,7 +67,7 @@ def test_motion_measured_in_the_simulation_is_the_command_and_the_closed_form() 
     chain = robot("stewart")
     reference = composite(chain)
     state = start(chain, reference)
-    controller = stp.ComputedTorque(chain, reference)
+    controller = stp.control.ComputedTorque(chain, reference)
     run = stp.simulate(chain, state.q, state.v, controller, duration=0.2, dt=2e-3)
     position, twist, acceleration = rms_error(run, reference)
     # Steps of 2 ms of a motion with up to 28 rad/s: (0.056)⁴ of its size, and the controller closes the rest.
@@ -76,7 +78,7 @@ def test_motion_measured_in_the_simulation_is_the_command_and_the_closed_form() 
     hexapod = stp.Hexapod.from_chain(chain)
     lengths = stp.leg_lengths(hexapod, run.platform.position, run.platform.rotation)
     np.testing.assert_allclose(run.q[:, chain.motor_q_index], lengths, rtol=0, atol=1e-12)
-    rates = stp.leg_rates(hexapod, run.platform.position, run.platform.rotation, run.platform.twist)
+    rates = stp.hexapods.leg_rates(hexapod, run.platform.position, run.platform.rotation, run.platform.twist)
     np.testing.assert_allclose(run.v[:, chain.motor_index], rates, rtol=0, atol=1e-11)
 
 
@@ -84,9 +86,9 @@ def test_computed_torque_obeys_its_error_equation() -> None:
     # One axis displaced: e(t) of ë + kd ė + kp e = 0 with e(0) = 10 mm, critically damped.
     chain = robot("stewart")
     home = stp.platform_pose(chain, chain.q_home)
-    reference = partial(stp.sinusoidal_motion, home=home, amplitude=np.zeros(3))
+    reference = partial(stp.motions.sinusoidal_motion, home=home, amplitude=np.zeros(3))
     begin = stp.inverse_kinematics(chain, pin.SE3(home.rotation, home.translation + [0.01, 0, 0]))
-    controller = stp.ComputedTorque(chain, reference, kp=400.0, kd=40.0)
+    controller = stp.control.ComputedTorque(chain, reference, kp=400.0, kd=40.0)
     run = stp.simulate(chain, begin.q, np.zeros(chain.nv), controller, duration=0.1, dt=2e-3)
     error = run.platform.position[:, 0] - home.translation[0]
     expected = 0.01 * (1 + 20 * run.time) * np.exp(-20 * run.time)
@@ -97,10 +99,10 @@ def test_computed_torque_turns_the_platform_back_the_exact_way() -> None:
     chain = robot("stewart")
     # A command that is itself turned: world and platform axes differ.
     home = pin.SE3(pin.exp3(np.array([0.2, 0.1, -0.15])), np.array([0.02, 0.0, 1.0]))
-    reference = partial(stp.sinusoidal_motion, home=home, amplitude=np.zeros(3))
+    reference = partial(stp.motions.sinusoidal_motion, home=home, amplitude=np.zeros(3))
     turn = pin.exp3(np.array([0.1, -0.05, 0.15]))
     begin = stp.inverse_kinematics(chain, pin.SE3(turn @ home.rotation, home.translation))
-    controller = stp.ComputedTorque(chain, reference, kp=400.0, kd=40.0)
+    controller = stp.control.ComputedTorque(chain, reference, kp=400.0, kd=40.0)
     run = stp.simulate(chain, begin.q, np.zeros(chain.nv), controller, duration=0.1, dt=2e-3)
     angle = np.array([np.linalg.norm(pin.log3(R @ home.rotation.T)) for R in run.platform.rotation])
     # About one fixed axis, the rotation vector obeys the error equation exactly.
@@ -111,11 +113,11 @@ def test_computed_torque_turns_the_platform_back_the_exact_way() -> None:
 def test_leg_pid_tracks_and_its_integral_removes_the_sag() -> None:
     chain = robot("stewart")
     home = stp.platform_pose(chain, chain.q_home)
-    reference = partial(stp.sinusoidal_motion, home=home, amplitude=np.zeros(3))
+    reference = partial(stp.motions.sinusoidal_motion, home=home, amplitude=np.zeros(3))
     rest = np.zeros(chain.nv)
     sag = {}
     for ki in (0.0, 2e6):
-        controller = stp.LegPID(chain, reference, kp=1e5, kd=3e3, ki=ki)
+        controller = stp.control.LegPID(chain, reference, kp=1e5, kd=3e3, ki=ki)
         run = stp.simulate(chain, chain.q_home, rest, controller, duration=0.5, dt=2.5e-3)
         assert run.success
         sag[ki] = abs(run.platform.position[-1, 2] - home.translation[2])
@@ -129,7 +131,7 @@ def test_leg_pid_follows_platforms_with_few_freedoms(name: str) -> None:
     """A platform on a curve cannot move without centripetal acceleration, and is not asked to."""
     asked = case(name)
     chain, t = asked.chain, 0.1
-    controller = stp.LegPID(chain, lambda times: asked.motion(1.0, tuple(times)), kp=100.0, kd=7.0)
+    controller = stp.control.LegPID(chain, lambda times: asked.motion(1.0, tuple(times)), kp=100.0, kd=7.0)
     w = 2 * np.pi * asked.frequency
     away, rate = asked.amplitude(1.0) * np.sin(w * t), asked.amplitude(1.0) * w * np.cos(w * t)
     effort = controller(t, chain.q_home, np.zeros(chain.nv))
@@ -140,7 +142,7 @@ def test_leg_pid_follows_platforms_with_few_freedoms(name: str) -> None:
 
 def test_the_integral_stops_at_its_limit() -> None:
     chain = robot("stewart")
-    controller = stp.LegPID(chain, composite(chain), ki=10.0, integral_limit=5.0)
+    controller = stp.control.LegPID(chain, composite(chain), ki=10.0, integral_limit=5.0)
     q = chain.q_home.copy()
     q[chain.motor_q_index] -= 0.01  # too short: the error is positive
     assert (controller.state_rate(0.0, q, np.zeros(chain.nv), np.full(6, 0.4)) > 0).all()
@@ -154,7 +156,9 @@ def test_models_cost_what_they_ignore() -> None:
     state = start(chain, reference)
     errors = {}
     for model in ("full", "point_mass"):
-        controller = stp.LegPID(chain, reference, feedforward=stp.Feedforward(chain, reference, model))
+        controller = stp.control.LegPID(
+            chain, reference, feedforward=stp.control.Feedforward(chain, reference, model)
+        )
         run = stp.simulate(chain, state.q, state.v, controller, duration=0.06, dt=2e-3)
         errors[model] = rms_error(run, reference)[0]
     assert errors["full"] < 1e-7
@@ -166,7 +170,7 @@ def test_point_mass_is_exact_for_the_machine_it_believes_in() -> None:
     chain = stp.massless_legs(robot("stewart"), point_platform=True)
     reference = composite(chain)
     state = start(chain, reference)
-    force = stp.Feedforward(chain, reference, "point_mass")(0.0, state.q, state.v)
+    force = stp.control.Feedforward(chain, reference, "point_mass")(0.0, state.q, state.v)
     exact = stp.inverse_dynamics(chain, state.q, state.v, state.a).tau_motor
     np.testing.assert_allclose(force, exact, rtol=1e-11)
 
@@ -174,7 +178,7 @@ def test_point_mass_is_exact_for_the_machine_it_believes_in() -> None:
 def test_full_feedforward_is_inverse_dynamics_for_any_chain(rng: np.random.Generator) -> None:
     chain = four_bar()
     state_v, _ = random_motion(chain, rng, chain.q_home)
-    controller = stp.GravityCompensation(chain)
+    controller = stp.control.GravityCompensation(chain)
     rest = np.zeros(chain.nv)
     expected = stp.inverse_dynamics(chain, chain.q_home, rest, rest).tau_motor
     np.testing.assert_allclose(controller(0.0, chain.q_home, state_v), expected, rtol=0, atol=1e-12)
@@ -184,13 +188,13 @@ def test_sampling_and_encoders(rng: np.random.Generator) -> None:
     chain = robot("stewart")
     reference = composite(chain)
     state = start(chain, reference)
-    inner = stp.ComputedTorque(chain, reference)
-    sampled = stp.SampledController(chain, inner, rate=250.0)
+    inner = stp.control.ComputedTorque(chain, reference)
+    sampled = stp.control.SampledController(chain, inner, rate=250.0)
     run = stp.simulate(chain, state.q, state.v, sampled, duration=0.1, dt=2e-3)
     # Held for two steps.
     assert (run.tau_motor[0:-1:2] == run.tau_motor[1::2]).all()
     assert np.abs(np.diff(run.tau_motor[::2], axis=0)).min() > 0
-    coarse = stp.SampledController(chain, inner, rate=250.0, resolution=1e-4)
+    coarse = stp.control.SampledController(chain, inner, rate=250.0, resolution=1e-4)
     q, _ = coarse.measure(state.q, state.v)
     ticks = q[chain.motor_q_index] / 1e-4
     np.testing.assert_allclose(ticks, np.round(ticks), rtol=0, atol=1e-8)
@@ -203,24 +207,24 @@ def test_a_sampled_integral_survives_a_stop() -> None:
     chain = robot("stewart")
     reference = composite(chain)
     state = start(chain, reference)
-    pid = stp.SampledController(chain, stp.LegPID(chain, reference, ki=1e5), rate=250.0)
+    pid = stp.control.SampledController(chain, stp.control.LegPID(chain, reference, ki=1e5), rate=250.0)
     whole = stp.simulate(chain, state.q, state.v, pid, duration=0.06, dt=2e-3)
     # Between two samples, and on one: it must not act twice.
     for cut in (0.026, 0.028):
         first = stp.simulate(chain, state.q, state.v, pid, duration=cut, dt=2e-3)
-        rest = stp.resume(chain, first.final_state, pid, duration=0.06 - cut)
+        rest = stp.simulation.resume(chain, first.final_state, pid, duration=0.06 - cut)
         np.testing.assert_allclose(rest.q[-1], whole.q[-1], rtol=0, atol=1e-12)
         np.testing.assert_array_equal(rest.tau_motor[-1] != 0, True)
     assert rest.final_state.controller.any()
     with pytest.raises(stp.errors.InputError, match="another"):
-        stp.resume(chain, first.final_state, duration=0.1)
+        stp.simulation.resume(chain, first.final_state, duration=0.1)
 
 
 def test_wrong_models_are_refused() -> None:
     chain = robot("stewart")
     with pytest.raises(stp.errors.InputError, match="model"):
-        stp.ComputedTorque(chain, composite(chain), model="rigid")
+        stp.control.ComputedTorque(chain, composite(chain), model="rigid")
     with pytest.raises(stp.errors.InputError, match="kp"):
-        stp.LegPID(chain, composite(chain), kp=-1.0)
+        stp.control.LegPID(chain, composite(chain), kp=-1.0)
     with pytest.raises(stp.errors.UnsupportedError):
-        stp.Feedforward(four_bar(), composite(four_bar()), "point_mass")
+        stp.control.Feedforward(four_bar(), composite(four_bar()), "point_mass")

@@ -28,7 +28,7 @@ def hinged() -> stp.ClosedChain:
 
 def sway(chain: stp.ClosedChain, amplitude: float = 0.5, frequency: float = 0.25):
     home = stp.platform_pose(chain, chain.q_home)
-    return lambda k: stp.sinusoidal_motion(
+    return lambda k: stp.motions.sinusoidal_motion(
         TIME, home=home, amplitude=[amplitude * k, 0, 0], frequency=np.full(3, frequency)
     )
 
@@ -62,23 +62,23 @@ def test_a_fit_holds_in_a_simulation(hinged: stp.ClosedChain) -> None:
         hinged, fit.samples.pose(0), fit.samples.twist[0], fit.samples.acceleration[0]
     )
     reference = sway(hinged)(fit.scale)
-    want = lambda t: stp.sinusoidal_motion(  # noqa: E731
+    want = lambda t: stp.motions.sinusoidal_motion(  # noqa: E731
         t,
         home=stp.platform_pose(hinged, hinged.q_home),
         amplitude=[0.5 * fit.scale, 0, 0],
         frequency=[0.25] * 3,
     )
-    control = stp.ComputedTorque(hinged, want, kp=400.0, kd=40.0)
+    control = stp.control.ComputedTorque(hinged, want, kp=400.0, kd=40.0)
     run = stp.simulate(hinged, state.q, state.v, control, duration=1.0, dt=1e-2).or_raise()
     np.testing.assert_allclose(run.platform.position[-1], reference.position[-1], atol=1e-3)
     assert not stp.limits_exceeded(run)
     assert not run.events
     # Without the fit the hinge is passed, and both the run and its judge name it.
-    far = lambda t: stp.sinusoidal_motion(  # noqa: E731
+    far = lambda t: stp.motions.sinusoidal_motion(  # noqa: E731
         t, home=stp.platform_pose(hinged, hinged.q_home), amplitude=[0.5, 0, 0], frequency=[0.25] * 3
     )
     start = stp.platform_motion(hinged, far([0.0]).pose(0), far([0.0]).twist[0], far([0.0]).acceleration[0])
-    control = stp.ComputedTorque(hinged, far, kp=400.0, kd=40.0)
+    control = stp.control.ComputedTorque(hinged, far, kp=400.0, kd=40.0)
     run = stp.simulate(hinged, start.q, start.v, control, duration=1.0, dt=1e-2)
     named = {excess.joint for excess in stp.limits_exceeded(run)}
     assert fit.binding is not None and fit.binding.motor in named
@@ -166,8 +166,8 @@ def test_a_cable_pushes_nowhere() -> None:
     run = stp.simulate(cables, q, rest, lambda t, q, v: pulled, duration=0.02, dt=1e-2)
     np.testing.assert_array_equal(run.tau_motor, 0.0)
     # Efforts (0, f) are f/2 ± f/2: the box of ± f/2, shifted by the wrench of f/2 on all legs.
-    pushes = stp.wrench_polytope(cables, q)
-    box = stp.wrench_polytope(chain, q, effort_limit=200.0)
+    pushes = stp.polytopes.wrench_polytope(cables, q)
+    box = stp.polytopes.wrench_polytope(chain, q, effort_limit=200.0)
     np.testing.assert_allclose(np.ptp(pushes.vertices, axis=0), np.ptp(box.vertices, axis=0), rtol=1e-9)
     least = pushes.vertices[:, 2].min()
     # Legs that only push lift the platform and do not pull it down; 1e-9 of their 400 N is round-off.
@@ -184,8 +184,8 @@ def test_one_motor_without_a_limit_can_be_given_one() -> None:
     lacks = stp.with_limits(chain, {"leg4": {"velocity": None, "effort": None}})
     q = chain.q_home
     for polytope, argument, full in (
-        (stp.velocity_polytope, "rate_limit", 2.0),
-        (stp.wrench_polytope, "effort_limit", 1e4),
+        (stp.polytopes.velocity_polytope, "rate_limit", 2.0),
+        (stp.polytopes.wrench_polytope, "effort_limit", 1e4),
     ):
         with pytest.raises(InputError, match=f"for the motors leg4; pass {argument}"):
             polytope(lacks, q)
@@ -202,7 +202,7 @@ def test_a_loop_may_limit_velocities_and_stand_at_its_end() -> None:
     chain = robot("five_bar")
     name = next(name for name in chain.limits.names if name.startswith("tip_pin"))
     slow = stp.with_limits(chain, {name: {"velocity": 1.0}})
-    wide, narrow = (stp.velocity_polytope(each, chain.q_home) for each in (chain, slow))
+    wide, narrow = (stp.polytopes.velocity_polytope(each, chain.q_home) for each in (chain, slow))
     assert narrow.offsets.max() < wide.offsets.max()
     assert any(name in face for face in narrow.limits)
     # At the fastest corners the pin turns at 1 rad/s: with the motions of the tree that give their twists.
@@ -355,8 +355,10 @@ def test_a_joint_that_is_cut_keeps_its_limits(tmp_path) -> None:
 
 def test_a_workspace_of_a_chain_keeps_its_hinges(hinged: stp.ClosedChain) -> None:
     level = stp.platform_pose(hinged, hinged.q_home).rotation
-    legs = stp.sample_workspace(stp.Hexapod.from_chain(hinged), level, stroke=(0.5, 1.8), spacing=0.25)
-    all_joints = stp.sample_workspace(hinged, level, spacing=0.25)
+    legs = stp.workspaces.sample_workspace(
+        stp.Hexapod.from_chain(hinged), level, stroke=(0.5, 1.8), spacing=0.25
+    )
+    all_joints = stp.workspaces.sample_workspace(hinged, level, spacing=0.25)
     np.testing.assert_array_equal(all_joints.position, legs.position)
     assert 0 < all_joints.inside.sum() < legs.inside.sum() and all_joints.volume < legs.volume
     for k in np.flatnonzero(legs.inside)[::7]:
@@ -366,7 +368,7 @@ def test_a_workspace_of_a_chain_keeps_its_hinges(hinged: stp.ClosedChain) -> Non
 
 
 def test_a_sweep_judges_all_joints(hinged: stp.ClosedChain) -> None:
-    def motion(amplitude: float) -> stp.PlatformSamples:
+    def motion(amplitude: float) -> stp.motions.PlatformSamples:
         return sway(hinged)(amplitude)
 
     amplitudes = [0.05, 0.5, 1.0]

@@ -19,14 +19,14 @@ TIME = np.linspace(0.0, 1.0, 201)
 
 def shaking(chain: stp.ClosedChain, amplitude: float, frequency: float):
     home = stp.platform_pose(chain, chain.q_home)
-    return lambda scale: stp.sinusoidal_motion(
+    return lambda scale: stp.motions.sinusoidal_motion(
         TIME, home=home, amplitude=[0.0, 0.0, scale * amplitude], frequency=np.full(3, frequency)
     )
 
 
 def test_closed_form_demand_is_that_of_the_one_state_verbs() -> None:
     chain = robot("stewart")
-    samples = stp.sinusoidal_motion(TIME[:20], home=stp.platform_pose(chain, chain.q_home))
+    samples = stp.motions.sinusoidal_motion(TIME[:20], home=stp.platform_pose(chain, chain.q_home))
     fast, slow = stp.motor_demand(chain, samples), _state_by_state(chain, samples)
     np.testing.assert_allclose(fast.positions, slow.positions, rtol=0, atol=1e-12)
     np.testing.assert_allclose(fast.rates, slow.rates, rtol=0, atol=1e-11)
@@ -83,7 +83,9 @@ def test_kernels_change_nothing(name: str) -> None:
     chain = stp.load(name)
     home = stp.platform_pose(chain, chain.q_home)
     size = 0.05 * chain.length_scale
-    motion = stp.sinusoidal_motion(stp.sample_times(1.0, 20.0), amplitude=(size, size, size), home=home)
+    motion = stp.motions.sinusoidal_motion(
+        stp.motions.sample_times(1.0, 20.0), amplitude=(size, size, size), home=home
+    )
     by_state = stp.motor_demand(chain, motion, kernels=False)
     by_kernel = stp.motor_demand(chain, motion, kernels=True)
     for field in ("positions", "rates", "efforts"):
@@ -92,7 +94,7 @@ def test_kernels_change_nothing(name: str) -> None:
 
 def test_kernels_leave_errors_to_the_careful_verbs() -> None:
     chain = stp.load("hexapod_rss")
-    far = stp.sinusoidal_motion([0.0, 0.1], home=pin.SE3(np.eye(3), np.array([5.0, 0.0, 1.0])))
+    far = stp.motions.sinusoidal_motion([0.0, 0.1], home=pin.SE3(np.eye(3), np.array([5.0, 0.0, 1.0])))
     with pytest.raises(ClosureError):
         stp.motor_demand(chain, far, kernels=True)
 
@@ -127,7 +129,7 @@ def test_a_limit_of_zero_is_none(tmp_path) -> None:
     assert np.isinf(zero.model.velocityLimit[zero.motor_index]).all()
     assert "0: taken for not stated" in str(zero.report)
     rest, q = np.zeros(zero.nv), zero.q_home
-    run = stp.simulate(zero, q, rest, stp.GravityCompensation(zero), duration=0.05)
+    run = stp.simulate(zero, q, rest, stp.control.GravityCompensation(zero), duration=0.05)
     np.testing.assert_allclose(run.q[-1], q, atol=1e-9)
 
 
@@ -135,13 +137,13 @@ def test_closed_forms_are_taken_only_where_they_agree() -> None:
     """Legs that are not round, on balls, have none: they are answered state by state."""
     chain = stp.load("stewart")
     assert leg_formula(chain) is not None
-    lopsided = stp.replace_inertias(
+    lopsided = stp.build.replace_inertias(
         stp.load("stewart_sps"),
         {"leg1_upper": pin.Inertia(2.0, np.array([0.02, 0.0, -0.2]), np.diag([0.1, 0.1, 0.01]))},
     )
     assert leg_formula(lopsided) is None
     still = shaking(lopsided, 0.0, 1.0)(1.0)
-    few = stp.PlatformSamples(*(getattr(still, name)[:2] for name in vars(still)))
+    few = stp.motions.PlatformSamples(*(getattr(still, name)[:2] for name in vars(still)))
     found = stp.motor_demand(lopsided, few, kernels=False)
     at = stp.platform_motion(lopsided, few.pose(0), np.zeros(6), np.zeros(6))
     np.testing.assert_allclose(found.efforts[0], stp.inverse_dynamics(at).tau_motor, rtol=1e-8)

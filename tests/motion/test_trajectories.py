@@ -12,9 +12,9 @@ from stewart_pin.errors import InputError
 
 def test_twist_and_acceleration_are_the_derivatives_of_the_position() -> None:
     # S0.6: x 1 Hz, y 3 Hz, z 4.5 Hz, 20 mm.
-    time, h = stp.sample_times(2.0, 50.0), 1e-5
+    time, h = stp.motions.sample_times(2.0, 50.0), 1e-5
     home = pin.SE3(np.eye(3), np.array([0.1, 0.2, 1.0]))
-    before, here, after = (stp.sinusoidal_motion(time + s, home=home) for s in (-h, 0.0, h))
+    before, here, after = (stp.motions.sinusoidal_motion(time + s, home=home) for s in (-h, 0.0, h))
     # Central differences: h² ω³ a / 6 is 8e-9 of truncation, eps / h 1e-11 and eps / h² 1e-6 of round-off.
     np.testing.assert_allclose((after.position - before.position) / (2 * h), here.twist[:, :3], atol=1e-8)
     second = (after.position - 2 * here.position + before.position) / h**2
@@ -25,8 +25,8 @@ def test_twist_and_acceleration_are_the_derivatives_of_the_position() -> None:
 
 
 def test_single_frequency_is_a_special_case() -> None:
-    time = stp.sample_times(1.0, 1000.0)
-    motion = stp.sinusoidal_motion(
+    time = stp.motions.sample_times(1.0, 1000.0)
+    motion = stp.motions.sinusoidal_motion(
         time, home=pin.SE3.Identity(), amplitude=(0, 0, 0.01), frequency=(0, 0, 5.0)
     )
     np.testing.assert_allclose(motion.position[:, 2], 0.01 * np.sin(10 * np.pi * time), atol=1e-16)
@@ -34,7 +34,7 @@ def test_single_frequency_is_a_special_case() -> None:
 
 
 def test_sample_times_leave_the_end_out() -> None:
-    time = stp.sample_times(2.0, 500.0)
+    time = stp.motions.sample_times(2.0, 500.0)
     assert len(time) == 1000 and time[0] == 0.0 and time[-1] == pytest.approx(1.998)
 
 
@@ -49,7 +49,7 @@ def test_sample_times_leave_the_end_out() -> None:
 )
 def test_bad_motions_are_named(arguments, words) -> None:
     with pytest.raises(InputError, match=words):
-        stp.sinusoidal_motion([0.0, 1.0], **({"home": pin.SE3.Identity()} | arguments))
+        stp.motions.sinusoidal_motion([0.0, 1.0], **({"home": pin.SE3.Identity()} | arguments))
 
 
 @pytest.mark.parametrize(
@@ -57,4 +57,4 @@ def test_bad_motions_are_named(arguments, words) -> None:
 )
 def test_bad_durations_are_named(duration, rate) -> None:
     with pytest.raises(InputError, match=r"duration|rate"):
-        stp.sample_times(duration, rate)
+        stp.motions.sample_times(duration, rate)

@@ -46,7 +46,7 @@ CHAINS = {
     },
     "two bodies": lambda rng: build_chain(two_bodies(JointKind.SPHERICAL, rng).described(), gravity=DOWN),
     **{
-        name: lambda _, name=name: stp.loops_by_balls(stp.load(name, gravity=DOWN))
+        name: lambda _, name=name: stp.build.loops_by_balls(stp.load(name, gravity=DOWN))
         for name in ("five_bar", "rpr_planar")
     },
     "redundant": lambda _: build_chain(four_bar().described(), gravity=DOWN),
@@ -79,7 +79,7 @@ def test_the_file_is_the_same_mechanism(make, tmp_path: Path, rng: np.random.Gen
 @pytest.mark.parametrize("name", ["stewart", "four_bar", "delta", "five_bar", "rpr_planar"])
 def test_the_loops_hold_the_same_points(name: str, tmp_path: Path, closed_states) -> None:
     """Let go, Drake's robot falls as ours does: its loops are closed at the right points, by stiff constraints."""
-    chain = stp.loops_by_balls(stp.load(name, gravity=DOWN))
+    chain = stp.build.loops_by_balls(stp.load(name, gravity=DOWN))
     stp.export(chain, tmp_path / "a.urdf", format="drake")
     step = 1e-4
     plant = opened(tmp_path / "a.urdf", chain.gravity, step)

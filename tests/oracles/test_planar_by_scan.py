@@ -33,7 +33,7 @@ def random_exercise(rng: np.random.Generator) -> tuple[stp.PlanarRPR, np.ndarray
     gamma = rng.uniform(0.1, 3.0)
     l1 = np.sqrt(l2**2 + l3**2 - 2 * l2 * l3 * np.cos(gamma))
     planar = stp.PlanarRPR.from_sides(l1, l2, l3, gamma, rng.uniform(1, 6), *rng.uniform(-6, 6, 2))
-    lengths = stp.planar_leg_lengths(planar, rng.uniform(-4, 4, 2), rng.uniform(-np.pi, np.pi))
+    lengths = stp.planar.planar_leg_lengths(planar, rng.uniform(-4, 4, 2), rng.uniform(-np.pi, np.pi))
     return planar, lengths
 
 
@@ -43,12 +43,12 @@ def test_f_is_the_one_of_the_source(rng: np.random.Generator) -> None:
     quarter = np.array([-np.pi / 4, np.pi / 4])
     # Round-off of terms up to 1600 m⁶.
     assert np.abs(source_f(planar, [5**0.5] * 3, quarter)).max() < 1e-11
-    assert np.abs(stp.planar_pose_polynomial(planar, [5**0.5] * 3, quarter)).max() < 1e-11
+    assert np.abs(stp.planar.planar_pose_polynomial(planar, [5**0.5] * 3, quarter)).max() < 1e-11
     for _ in range(50):
         planar, lengths = random_exercise(rng)
         theta = rng.uniform(-np.pi, np.pi, 20)
         *_, n1, n2, _ = source_terms(planar, lengths, theta)
-        ours = stp.planar_pose_polynomial(planar, lengths, theta)
+        ours = stp.planar.planar_pose_polynomial(planar, lengths, theta)
         # Relative to the terms that cancel in f.
         terms = (n1**2 + n2**2).max()
         assert np.abs(ours - source_f(planar, lengths, theta)).max() < 1e-12 * terms
@@ -110,7 +110,7 @@ def test_blind_newton_finds_no_other_poses(rng: np.random.Generator) -> None:
     found, all_found = 0, 0
     for _ in range(40):
         planar = stp.PlanarRPR(rng.normal(size=(3, 2)), rng.normal(size=(3, 2)) * rng.uniform(0.3, 2))
-        lengths = stp.planar_leg_lengths(planar, rng.normal(size=2), rng.uniform(-np.pi, np.pi))
+        lengths = stp.planar.planar_leg_lengths(planar, rng.normal(size=2), rng.uniform(-np.pi, np.pi))
         modes = stp.planar_assembly_modes(planar, lengths)
         hit = set()
         for end in blind_newton(planar, lengths, rng):
@@ -126,7 +126,7 @@ def test_blind_newton_finds_no_other_poses(rng: np.random.Generator) -> None:
 def test_transitions_are_where_the_extremes_of_f_vanish() -> None:
     # S1.7 once more: the extreme of the source's f between merging roots, as a function of p2, changes sign.
     planar = stp.PlanarRPR.from_sides(3.0, 3 * 2**0.5, 3.0, np.pi / 4, 5.0, 0.0, 6.0)
-    found = stp.planar_transition_lengths(planar, [5.0, 0.0, 3.0], 1)
+    found = stp.planar.planar_transition_lengths(planar, [5.0, 0.0, 3.0], 1)
     assert len(found.lengths) == 6
     for length, angle in zip(found.lengths, found.angle, strict=True):
         side = np.sign(np.diff(source_f(planar, [5.0, length, 3.0], angle + 1e-3 * np.array([0, 1]))))[0]

@@ -53,7 +53,8 @@ def test_symbols_give_the_same() -> None:
         numeric = sympy.lambdify([q, lengths], list(symbolic.values()))
         for x in points:
             base, own = (
-                stp.spatial_arm_jacobian(LENGTHS, x, frame=frame, axes=axes) for axes in ("base", "frame")
+                stp.arms.spatial_arm_jacobian(LENGTHS, x, frame=frame, axes=axes)
+                for axes in ("base", "frame")
             )
             for value, wanted in zip(numeric(x, LENGTHS), (base[:3], own[:3], own[:3], own[3:]), strict=True):
                 np.testing.assert_allclose(value, wanted, rtol=0, atol=1e-14)

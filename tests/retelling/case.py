@@ -55,7 +55,7 @@ class Case:
         return 1 + 0.1 * np.arange(self.chain.nu)
 
     @lru_cache  # noqa: B019 - cases are kept
-    def motion(self, scale: float, times: tuple[float, ...]) -> stp.PlatformSamples:
+    def motion(self, scale: float, times: tuple[float, ...]) -> stp.motions.PlatformSamples:
         """Sway the motors about home."""
         home = stp.motor_positions(self.chain, self.chain.q_home)
         return sway(self.chain, home, self.amplitude(scale), self.frequency, np.array(times))
@@ -64,20 +64,22 @@ class Case:
 TIMES = np.linspace(0, 1, 5)
 
 
-def sway(chain: stp.ClosedChain, home: np.ndarray, amplitude, frequency, times) -> stp.PlatformSamples:
+def sway(
+    chain: stp.ClosedChain, home: np.ndarray, amplitude, frequency, times
+) -> stp.motions.PlatformSamples:
     """Move the platform as motors do that swing about a position, each at its own frequency."""
     w = 2 * np.pi * frequency
     poses, twists, accelerations = [], [], []
     for t in times:
         q = stp.forward_kinematics(chain, home + amplitude * np.sin(w * t)).q
-        v = stp.motion_map(chain, q).G @ (amplitude * w * np.cos(w * t))
-        there = stp.motion_map(chain, q, v)
+        v = stp.dynamics.motion_map(chain, q).G @ (amplitude * w * np.cos(w * t))
+        there = stp.dynamics.motion_map(chain, q, v)
         a = there.G @ (-amplitude * w**2 * np.sin(w * t)) + there.gamma
         state = chain.at(q, v)
         poses.append(state.pose)
         twists.append(state.twist)
         accelerations.append(state.P @ a + state.platform_bias)
-    return stp.PlatformSamples(
+    return stp.motions.PlatformSamples(
         np.asarray(times),
         np.array([pose.translation for pose in poses]),
         np.array([pose.rotation for pose in poses]),
@@ -102,8 +104,8 @@ def case(name: str) -> Case:
     q = configuration(name, "generic")
     rates = rng.normal(size=chain.nu) * chain.tangent_scale[chain.motor_index]
     accelerations = rng.normal(size=chain.nu) * chain.tangent_scale[chain.motor_index]
-    v = stp.motion_map(chain, q).G @ rates
-    map_ = stp.motion_map(chain, q, v)
+    v = stp.dynamics.motion_map(chain, q).G @ rates
+    map_ = stp.dynamics.motion_map(chain, q, v)
     a = map_.G @ accelerations + map_.gamma
     effort = stp.inverse_dynamics(chain, q, v, a)
     wander = lambda spread: pin.integrate(  # noqa: E731

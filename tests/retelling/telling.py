@@ -173,10 +173,10 @@ class Telling:
         shape = plain.shape
         return (plain.reshape(-1, 3) @ self.world.rotation.T).reshape(shape)
 
-    def samples(self, plain: stp.PlatformSamples) -> stp.PlatformSamples:
+    def samples(self, plain: stp.motions.PlatformSamples) -> stp.motions.PlatformSamples:
         """Tell a motion of the platform."""
         W = self.world
-        return stp.PlatformSamples(
+        return stp.motions.PlatformSamples(
             plain.time,
             plain.position @ W.rotation.T + W.translation,
             W.rotation @ plain.rotation,

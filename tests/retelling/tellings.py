@@ -77,7 +77,7 @@ def _cut_elsewhere(name: str, plain: stp.ClosedChain, folder: Path) -> Telling |
 def _by_balls(name: str, plain: stp.ClosedChain, folder: Path) -> Telling | None:
     if all(loop.kind is JointKind.SPHERICAL for loop in plain.loops):
         return None
-    return Telling(name, plain, stp.load(_save(stp.loops_by_balls(plain), folder)), same_rows=False)
+    return Telling(name, plain, stp.load(_save(stp.build.loops_by_balls(plain), folder)), same_rows=False)
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ def plain_and_told(zero):
 
 def sway(chain, times):
     pose = stp.platform_pose(chain, chain.q_home)
-    return stp.sinusoidal_motion(times, home=pose, amplitude=(0.01, 0, 0.02), frequency=(1, 1, 1))
+    return stp.motions.sinusoidal_motion(times, home=pose, amplitude=(0.01, 0, 0.02), frequency=(1, 1, 1))
 
 
 @pytest.mark.parametrize("zero", [0.0, 0.15])
@@ -48,10 +48,10 @@ def test_demand_of_reversed_and_shifted_motors(zero):
 @pytest.mark.parametrize(
     ("make", "options"),
     [
-        (stp.Feedforward, {}),
-        (stp.Feedforward, {"model": "point_mass"}),
-        (stp.ComputedTorque, {"model": "point_mass"}),
-        (stp.LegPID, {}),
+        (stp.control.Feedforward, {}),
+        (stp.control.Feedforward, {"model": "point_mass"}),
+        (stp.control.ComputedTorque, {"model": "point_mass"}),
+        (stp.control.LegPID, {}),
     ],
 )
 def test_control_of_reversed_and_shifted_motors(zero, make, options):

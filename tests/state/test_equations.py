@@ -95,7 +95,7 @@ def test_jacobian_is_minus_that_of_the_rigid_constraint_model(
     """Trap: the two families of Pinocchio's constraints have opposite signs, and need `calc` (here `computeData`)."""
     chain = two_bodies(kind, rng)
     q = random_configuration(chain, rng, 0.3)
-    models = stp.constraint_models(chain)
+    models = stp.loops.constraint_models(chain)
     data = pin.Data(chain.model)
     datas = pin.StdVec_RigidConstraintData()
     datas.append(models[0].createData())
@@ -149,7 +149,7 @@ def test_ends_of_a_rod_that_coincide(rng: np.random.Generator) -> None:
     with pytest.raises(SingularityError, match="ends of the distance loop 'loop' coincide"):
         stp.loop_bias(chain, q, np.ones(chain.nv))
     with pytest.raises(SingularityError, match="ends of the distance loop 'loop' coincide"):
-        stp.loop_jacobian_rate(chain, q, np.ones(chain.nv), np.eye(chain.nv))
+        stp.loops.loop_jacobian_rate(chain, q, np.ones(chain.nv), np.eye(chain.nv))
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ def check(chain: stp.ClosedChain, rng: np.random.Generator) -> None:
     curve = along(chain, q, v)
     # h⁴/30 times the fifth derivative at rates of a few per second, and round-off over h: both below 1e-11.
     slope = derivative(lambda t: stp.loop_jacobian(chain, curve(t)), 3e-4)
-    close(stp.loop_jacobian_rate(chain, q, v, np.eye(chain.nv)), slope, 1e-9)
+    close(stp.loops.loop_jacobian_rate(chain, q, v, np.eye(chain.nv)), slope, 1e-9)
 
 
 @pytest.mark.parametrize("kind", [kind for kind in JointKind if kind is not JointKind.FLOATING])
@@ -42,13 +42,15 @@ def test_it_is_the_polar_form_of_the_bias(rng: np.random.Generator) -> None:
     v, u = rng.normal(size=(2, chain.nv))
     q, bias = chain.q_home, lambda w: stp.loop_bias(chain, chain.q_home, w)
     polar = bias(v + u) - bias(v) - bias(u)
-    there = stp.loop_jacobian_rate(chain, q, v, u[:, None]) + stp.loop_jacobian_rate(chain, q, u, v[:, None])
+    there = stp.loops.loop_jacobian_rate(chain, q, v, u[:, None]) + stp.loops.loop_jacobian_rate(
+        chain, q, u, v[:, None]
+    )
     close(there[:, 0], polar, 1e-12)
 
 
 def test_shapes() -> None:
     arm, bar = robot("arm_7r"), four_bar()
-    assert stp.loop_jacobian_rate(arm, arm.q_home, np.ones(7), np.eye(7)).shape == (0, 7)
-    assert stp.loop_jacobian_rate(bar, bar.q_home, np.ones(3), np.zeros((3, 0))).shape == (bar.nc, 0)
+    assert stp.loops.loop_jacobian_rate(arm, arm.q_home, np.ones(7), np.eye(7)).shape == (0, 7)
+    assert stp.loops.loop_jacobian_rate(bar, bar.q_home, np.ones(3), np.zeros((3, 0))).shape == (bar.nc, 0)
     with pytest.raises(InputError, match=r"motions must have shape \(3, n\)"):
-        stp.loop_jacobian_rate(bar, bar.q_home, np.ones(3), np.ones(3))
+        stp.loops.loop_jacobian_rate(bar, bar.q_home, np.ones(3), np.ones(3))

@@ -62,7 +62,7 @@ def test_agrees_with_the_jacobian_s_rate(
     """The rate of J_c v along d is the derivative of the Jacobian along d, found from the bias alone, times v."""
     v, d = rng.normal(size=(2, chain.nv))
     found = row_derivatives(chain, q, v, np.zeros(chain.nv)).rate_q @ d
-    expected = stp.loop_jacobian_rate(chain, q, d, v[:, None])[:, 0]
+    expected = stp.loops.loop_jacobian_rate(chain, q, d, v[:, None])[:, 0]
     np.testing.assert_allclose(found, expected, atol=1e-12 * (1 + np.abs(expected).max(initial=0.0)))
 
 

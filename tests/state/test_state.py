@@ -36,11 +36,14 @@ def test_a_state_gives_what_chain_and_numbers_give(name: str, rng: np.random.Gen
     assert np.array_equal(motion.a, stp.forward_dynamics(*given[:3], effort.tau_motor).a)
     for verb in (stp.loop_gap, stp.loop_jacobian, stp.motor_jacobian, stp.motor_positions):
         assert np.array_equal(verb(state), verb(*given[:2]))
-    for verb in (stp.loop_bias, stp.loop_jacobian_rate):
+    for verb in (stp.loop_bias, stp.loops.loop_jacobian_rate):
         assert np.array_equal(verb(state), verb(*given[:3]))
     assert stp.platform_pose(state) == stp.platform_pose(*given[:2])
     assert np.array_equal(stp.operational_dynamics(state).M, stp.operational_dynamics(*given[:3]).M)
-    assert stp.classify_singularity(state).measures == stp.classify_singularity(*given[:2]).measures
+    assert (
+        stp.singularities.classify_singularity(state).measures
+        == stp.singularities.classify_singularity(*given[:2]).measures
+    )
     parts = stp.joint_reactions(state), stp.joint_reactions(*given[:3], effort)
     assert all(np.array_equal(one.force, two.force) for one, two in zip(*parts, strict=True))
 

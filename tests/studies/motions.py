@@ -21,10 +21,12 @@ def robot(name: str) -> stp.ClosedChain:
     return chain
 
 
-def shake(chain: stp.ClosedChain, amplitude: float, frequency: float, axis: str = "x") -> stp.PlatformSamples:
+def shake(
+    chain: stp.ClosedChain, amplitude: float, frequency: float, axis: str = "x"
+) -> stp.motions.PlatformSamples:
     """Shake along an axis; the amplitude is in robot sizes."""
     along = np.array([axis == name for name in "xyz"], dtype=float)
-    return stp.sinusoidal_motion(
+    return stp.motions.sinusoidal_motion(
         PHASE / frequency,
         home=stp.platform_pose(chain, chain.q_home),
         amplitude=amplitude * chain.length_scale * along,
@@ -32,11 +34,13 @@ def shake(chain: stp.ClosedChain, amplitude: float, frequency: float, axis: str 
     )
 
 
-def shake_stewart(amplitude: float, frequency: float) -> stp.PlatformSamples:
+def shake_stewart(amplitude: float, frequency: float) -> stp.motions.PlatformSamples:
     return shake(robot("stewart"), amplitude, frequency)
 
 
 def design(radius: float, half_angle: float = 0.2) -> stp.ClosedChain:
     """Build a platform on a base of another radius; base and platform are similar, and refused, at π/3 - 0.3."""
-    hexapod = stp.semi_regular_hexapod(radius, 0.4, half_angle, 0.3)
-    return stp.hexapod_chain(hexapod, **stp.hexapod_inertias(hexapod, platform=20.0, lower=2.0, upper=1.5))
+    hexapod = stp.hexapods.semi_regular_hexapod(radius, 0.4, half_angle, 0.3)
+    return stp.hexapod_chain(
+        hexapod, **stp.hexapods.hexapod_inertias(hexapod, platform=20.0, lower=2.0, upper=1.5)
+    )

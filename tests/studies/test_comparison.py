@@ -10,13 +10,15 @@ from stewart_pin.studies.comparison import spread
 
 
 @pytest.fixture(scope="module")
-def comparison() -> stp.Comparison:
+def comparison() -> stp.sweeps.Comparison:
     chain = stp.load("stewart")
-    motion = stp.sinusoidal_motion(stp.sample_times(1.0, 30.0), home=stp.platform_pose(chain, chain.q_home))
+    motion = stp.motions.sinusoidal_motion(
+        stp.motions.sample_times(1.0, 30.0), home=stp.platform_pose(chain, chain.q_home)
+    )
     return stp.compare_methods(chain, motion)
 
 
-def test_all_methods_agree(comparison: stp.Comparison) -> None:
+def test_all_methods_agree(comparison: stp.sweeps.Comparison) -> None:
     # S0.9, S0.10: with masses three methods, without legs' masses and with a point platform four.
     assert set(comparison.forces) == {"pinocchio", "constraint_matrix", "closed_form"}
     assert set(comparison.simplified) == {*comparison.forces, "point_mass"}
@@ -24,7 +26,7 @@ def test_all_methods_agree(comparison: stp.Comparison) -> None:
     assert max(comparison.agreement.values()) < 1e-12
 
 
-def test_the_legs_masses_explain_the_error_of_the_point_mass(comparison: stp.Comparison) -> None:
+def test_the_legs_masses_explain_the_error_of_the_point_mass(comparison: stp.sweeps.Comparison) -> None:
     # S0.10: the source blames the legs' masses; they are responsible for a third of the force.
     error = comparison.reference - comparison.simplified["point_mass"]
     shares = comparison.contributions
@@ -47,7 +49,9 @@ def test_kernels_are_a_method_of_their_own(name: str) -> None:
     chain = stp.load(name)
     size = 0.05 * chain.length_scale
     home = stp.platform_pose(chain, chain.q_home)
-    motion = stp.sinusoidal_motion(stp.sample_times(1.0, 10.0), amplitude=(size, size, size), home=home)
+    motion = stp.motions.sinusoidal_motion(
+        stp.motions.sample_times(1.0, 10.0), amplitude=(size, size, size), home=home
+    )
     plain = stp.compare_methods(chain, motion, kernels=False)
     fast = stp.compare_methods(chain, motion, kernels=True)
     assert set(fast.forces) == {*plain.forces, "kernels"} and "kernels" in fast.simplified
@@ -57,9 +61,9 @@ def test_kernels_are_a_method_of_their_own(name: str) -> None:
         np.testing.assert_allclose(share, plain.contributions[part], atol=1e-10 * largest)
 
 
-def test_progress_is_told(comparison: stp.Comparison) -> None:
+def test_progress_is_told(comparison: stp.sweeps.Comparison) -> None:
     chain = stp.load("stewart_cad")
-    motion = stp.sinusoidal_motion([0.0, 0.1], home=stp.platform_pose(chain, chain.q_home))
+    motion = stp.motions.sinusoidal_motion([0.0, 0.1], home=stp.platform_pose(chain, chain.q_home))
     told: list[tuple[str, int, int]] = []
     result = stp.compare_methods(chain, motion, progress=lambda *report: told.append(report))
     assert ("kinematics", 2, 2) in told and ("constraint_matrix", 1, 2) in told

@@ -31,7 +31,7 @@ NAMES = {"peak_effort", "rms_effort", "lowest_position", "highest_position", "tr
 }
 
 
-def close(found: stp.Sweep, expected: stp.Sweep, tolerance: float = 1e-10) -> None:
+def close(found: stp.sweeps.Sweep, expected: stp.sweeps.Sweep, tolerance: float = 1e-10) -> None:
     """Equal, but for a part of the largest value of each figure."""
     assert set(found.results) == set(expected.results) == NAMES
     for name, values in expected.results.items():
@@ -43,7 +43,7 @@ def test_figures_are_those_of_the_closed_form_at_every_point() -> None:
     chain = robot("stewart")
     found = stp.sweep_demand(chain, shake_stewart, AXES, kernels=True)
     assert found["peak_effort"].shape == (3, 4, 6) and found.success
-    hexapod, bodies = stp.Hexapod.from_chain(chain), stp.hexapod_bodies(chain)
+    hexapod, bodies = stp.Hexapod.from_chain(chain), stp.hexapods.hexapod_bodies(chain)
     home = stp.platform_pose(chain, chain.q_home)
     for i, part in enumerate(AXES["amplitude"]):
         for j, frequency in enumerate(AXES["frequency"]):
@@ -53,7 +53,7 @@ def test_figures_are_those_of_the_closed_form_at_every_point() -> None:
             twist, acceleration = np.zeros((2, 40, 6))
             twist[:, 0] = size * w * np.cos(2 * np.pi * PHASE)
             acceleration[:, 0] = -size * w**2 * wave
-            force = stp.hexapod_inverse_dynamics(
+            force = stp.hexapods.hexapod_inverse_dynamics(
                 hexapod, bodies, position, home.rotation, twist, acceleration, gravity=chain.gravity
             ).actuator
             length = stp.leg_lengths(hexapod, position, home.rotation)
@@ -77,9 +77,9 @@ def test_a_point_mass_on_light_legs_asks_for_mass_times_g_plus_amplitude_omega_s
     chain = stp.massless_legs(robot("stewart"), point_platform=True)
     home = stp.platform_pose(chain, chain.q_home)
 
-    def heave(amplitude: float, frequency: float) -> stp.PlatformSamples:
+    def heave(amplitude: float, frequency: float) -> stp.motions.PlatformSamples:
         along = np.array([0.0, 0.0, 1.0])
-        return stp.sinusoidal_motion(
+        return stp.motions.sinusoidal_motion(
             PHASE / frequency, home=home, amplitude=amplitude * along, frequency=frequency * along
         )
 
@@ -102,9 +102,9 @@ def test_lowering_a_weight_gives_its_energy_to_the_motors() -> None:
     home = stp.platform_pose(chain, chain.q_home)
     time = np.linspace(0.0, 20.0, 2001)
 
-    def lower(height: float, yaw: float) -> stp.PlatformSamples:
+    def lower(height: float, yaw: float) -> stp.motions.PlatformSamples:
         end = pin.SE3(home.rotation @ pin.rpy.rpyToMatrix(0.0, 0.0, yaw), home.translation - [0, 0, height])
-        return stp.minimum_jerk_motion(time, start=home, end=end, duration=20.0)
+        return stp.motions.minimum_jerk_motion(time, start=home, end=end, duration=20.0)
 
     axes = {"height": [0.1, 0.3], "yaw": [0.0, 0.1]}
     found = stp.sweep_demand(chain, lower, axes, kernels=True)
@@ -172,10 +172,10 @@ def test_the_state_that_fails_is_looked_at_first(monkeypatch: pytest.MonkeyPatch
     planar = robot("rpr_planar")
     home = stp.platform_pose(planar, planar.q_home)
 
-    def leave_the_plane(speed: float) -> stp.PlatformSamples:
+    def leave_the_plane(speed: float) -> stp.motions.PlatformSamples:
         twist, still = np.tile([0, 0, speed, 0, 0, 0], (3, 1)), np.zeros((3, 6))
         place = np.tile(home.translation, (3, 1)), np.tile(home.rotation, (3, 1, 1))
-        return stp.PlatformSamples(np.arange(3.0), *place, twist, still)
+        return stp.motions.PlatformSamples(np.arange(3.0), *place, twist, still)
 
     found = stp.sweep_demand(planar, leave_the_plane, {"speed": [0.0, 1.0]}, kernels=True)
     (failed,) = found.failures
@@ -235,7 +235,7 @@ def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     states: list[int] = []
     plain = demand_study.demands_by_kernels
 
-    def noting(kernels: object, motions: Sequence[stp.PlatformSamples]) -> object:
+    def noting(kernels: object, motions: Sequence[stp.motions.PlatformSamples]) -> object:
         states.append(sum(map(len, motions)))
         return plain(kernels, motions)
 
@@ -250,8 +250,8 @@ def test_motions_may_differ_in_length() -> None:
     chain = robot("stewart")
     home = stp.platform_pose(chain, chain.q_home)
 
-    def instants(count: int) -> stp.PlatformSamples:
-        return stp.sinusoidal_motion(np.arange(count) / count, home=home)
+    def instants(count: int) -> stp.motions.PlatformSamples:
+        return stp.motions.sinusoidal_motion(np.arange(count) / count, home=home)
 
     found = stp.sweep_demand(chain, instants, {"count": [1, 500, 7]}, kernels=True)
     for k, count in enumerate([1, 500, 7]):
@@ -325,7 +325,7 @@ def test_a_chain_that_is_bound_to_the_motion_stays() -> None:
     home = stp.platform_pose(other, other.q_home).translation
     asked: list[np.ndarray] = []
 
-    def motion(amplitude: float, chain: stp.ClosedChain) -> stp.PlatformSamples:
+    def motion(amplitude: float, chain: stp.ClosedChain) -> stp.motions.PlatformSamples:
         asked.append(stp.platform_pose(chain, chain.q_home).translation)
         return shake(robot("stewart"), amplitude, 1.0)
 
@@ -371,7 +371,7 @@ def test_a_motion_without_instants_is_refused() -> None:
     home = stp.platform_pose(chain, chain.q_home)
     with pytest.raises(InputError, match="gives no instant at count=0"):
         stp.sweep_demand(
-            chain, lambda count: stp.sinusoidal_motion(np.zeros(count), home=home), {"count": [0]}
+            chain, lambda count: stp.motions.sinusoidal_motion(np.zeros(count), home=home), {"count": [0]}
         )
 
 

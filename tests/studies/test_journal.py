@@ -27,7 +27,7 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
-def whole() -> stp.Sweep:
+def whole() -> stp.sweeps.Sweep:
     return stp.sweep(functions.wave, AXES)
 
 
@@ -51,7 +51,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[float, float]]:
 
 
 def test_what_is_done_is_not_done_again(
-    path: Path, whole: stp.Sweep, monkeypatch: pytest.MonkeyPatch
+    path: Path, whole: stp.sweeps.Sweep, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     same(stp.sweep(functions.wave, AXES, journal=path), whole)
     written = path.read_bytes()
@@ -107,7 +107,7 @@ def test_a_sweep_that_was_ended_goes_on_as_if_nothing_had_been(
 
 @pytest.mark.parametrize("cut", [1, 7, 60])
 def test_a_line_that_was_cut_off_is_done_again(
-    path: Path, whole: stp.Sweep, monkeypatch: pytest.MonkeyPatch, cut: int
+    path: Path, whole: stp.sweeps.Sweep, monkeypatch: pytest.MonkeyPatch, cut: int
 ) -> None:
     stp.sweep(functions.wave, AXES, journal=path)
     text = path.read_bytes()
@@ -119,7 +119,9 @@ def test_a_line_that_was_cut_off_is_done_again(
 
 
 @pytest.mark.parametrize("kept", [0, 1, 100])
-def test_a_first_line_that_was_cut_off_is_written_again(path: Path, whole: stp.Sweep, kept: int) -> None:
+def test_a_first_line_that_was_cut_off_is_written_again(
+    path: Path, whole: stp.sweeps.Sweep, kept: int
+) -> None:
     stp.sweep(functions.wave, AXES, journal=path)
     text = path.read_bytes()
     path.write_bytes(text[:kept])
@@ -128,7 +130,7 @@ def test_a_first_line_that_was_cut_off_is_written_again(path: Path, whole: stp.S
 
 
 def test_an_interrupt_keeps_what_was_done(
-    path: Path, whole: stp.Sweep, monkeypatch: pytest.MonkeyPatch
+    path: Path, whole: stp.sweeps.Sweep, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupt(stage: str, done: int, total: int) -> None:
         if done == 12:

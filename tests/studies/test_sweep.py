@@ -23,7 +23,7 @@ def processes() -> Iterator[Executor]:
         yield pool
 
 
-def same(one: stp.Sweep, other: stp.Sweep) -> None:
+def same(one: stp.sweeps.Sweep, other: stp.sweeps.Sweep) -> None:
     """Equal bit for bit; messages may print round-off, which depends on where in memory a matrix stands."""
     assert list(one.results) == list(other.results)
     for name, values in one.results.items():

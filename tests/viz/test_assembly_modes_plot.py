@@ -20,7 +20,7 @@ def test_one_panel_for_each_mode(source_hexapod: stp.Hexapod) -> None:
     modes = stp.assembly_modes(source_hexapod, LENGTHS)
     figure = plot_assembly_modes(source_hexapod, modes, columns=3)
     assert len(figure.axes) == len(modes) > 1
-    facts = stp.describe_modes(source_hexapod, modes)
+    facts = stp.hexapods.describe_modes(source_hexapod, modes)
     for axes, side in zip(figure.axes, facts.side, strict=True):
         assert ("det J > 0" in axes.get_title()) == (side > 0)
         # Six legs of the given lengths.

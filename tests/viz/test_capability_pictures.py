@@ -12,12 +12,12 @@ STROKE = (2.20147, 2.70147)
 
 
 @pytest.fixture(scope="module")
-def samples() -> stp.WorkspaceSamples:
+def samples() -> stp.workspaces.WorkspaceSamples:
     hexapod = stp.Hexapod.from_chain(stp.load("stewart_cad"))
-    return stp.sample_workspace(hexapod, np.eye(3), stroke=STROKE, spacing=0.15)
+    return stp.workspaces.sample_workspace(hexapod, np.eye(3), stroke=STROKE, spacing=0.15)
 
 
-def test_workspace_picture_shows_inside_and_boundary(samples: stp.WorkspaceSamples) -> None:
+def test_workspace_picture_shows_inside_and_boundary(samples: stp.workspaces.WorkspaceSamples) -> None:
     figure = stp.viz.plot_workspace(samples)
     cloud, skin = figure.axes[:2]
     assert len(skin.collections[0]._offsets3d[0]) == np.count_nonzero(samples.boundary)
@@ -29,7 +29,7 @@ def test_workspace_picture_shows_inside_and_boundary(samples: stp.WorkspaceSampl
 
 
 @pytest.mark.parametrize("count", [1, 4])
-def test_slices_cover_the_height(samples: stp.WorkspaceSamples, count: int) -> None:
+def test_slices_cover_the_height(samples: stp.workspaces.WorkspaceSamples, count: int) -> None:
     figure = stp.viz.plot_workspace_slices(samples, count=count)
     pictures = [axis for axis in figure.axes if axis.get_visible() and axis.images]
     assert len(pictures) == count
@@ -40,19 +40,19 @@ def test_slices_cover_the_height(samples: stp.WorkspaceSamples, count: int) -> N
     assert np.isfinite(middle.filled(np.nan)).any()
 
 
-def test_slices_of_nothing_are_refused(samples: stp.WorkspaceSamples) -> None:
+def test_slices_of_nothing_are_refused(samples: stp.workspaces.WorkspaceSamples) -> None:
     with pytest.raises(InputError, match="count must be 1 or more"):
         stp.viz.plot_workspace_slices(samples, count=0)
     apart = stp.Hexapod(20 * np.eye(6, 3) + np.arange(18).reshape(6, 3), np.eye(6, 3))
-    empty = stp.sample_workspace(apart, np.eye(3), stroke=(0.1, 0.2))
+    empty = stp.workspaces.sample_workspace(apart, np.eye(3), stroke=(0.1, 0.2))
     with pytest.raises(InputError, match="no points to draw"):
         stp.viz.plot_workspace(empty)
 
 
 def test_polytope_picture_has_a_polygon_for_every_face() -> None:
     chain = stp.load("stewart_cad")
-    velocity = stp.polytope_section(stp.velocity_polytope(chain, chain.q_home))
-    force = stp.polytope_projection(stp.wrench_polytope(chain, chain.q_home))
+    velocity = stp.polytopes.polytope_section(stp.polytopes.velocity_polytope(chain, chain.q_home))
+    force = stp.polytopes.polytope_projection(stp.polytopes.wrench_polytope(chain, chain.q_home))
     figure = stp.viz.plot_polytopes([velocity, force], titles=["velocity", "force"])
     for axis, polytope in zip(figure.axes, (velocity, force), strict=True):
         faces = [
@@ -70,10 +70,10 @@ def test_polytope_picture_has_a_polygon_for_every_face() -> None:
 
 def test_polytopes_that_cannot_be_drawn_are_refused() -> None:
     chain = stp.load("stewart")
-    whole = stp.velocity_polytope(chain, chain.q_home)
+    whole = stp.polytopes.velocity_polytope(chain, chain.q_home)
     with pytest.raises(InputError, match="must have 3 coordinates, got 6"):
         stp.viz.plot_polytopes([whole])
     with pytest.raises(InputError, match="titles must be 1"):
-        stp.viz.plot_polytopes([stp.polytope_section(whole)], titles=["a", "b"])
+        stp.viz.plot_polytopes([stp.polytopes.polytope_section(whole)], titles=["a", "b"])
     with pytest.raises(InputError, match="at least one"):
         stp.viz.plot_polytopes([])

@@ -33,7 +33,7 @@ def test_constraint_picture_labels_bodies_and_joints(chain: stp.ClosedChain) -> 
 
 
 def test_comparison_picture_draws_every_method(chain: stp.ClosedChain) -> None:
-    motion = stp.sinusoidal_motion([0.0, 0.1, 0.2], home=stp.platform_pose(chain, chain.q_home))
+    motion = stp.motions.sinusoidal_motion([0.0, 0.1, 0.2], home=stp.platform_pose(chain, chain.q_home))
     comparison = stp.compare_methods(chain, motion)
     figure = stp.viz.plot_comparison(comparison)
     lines = {line.get_label(): line.get_ydata() for line in figure.axes[4].get_lines()}

@@ -11,7 +11,9 @@ from tests.closed_states import robot
 
 def test_map_of_the_planar_platform() -> None:
     chain = robot("rpr_planar")
-    found = stp.singularity_map(chain, np.linspace(-1, 5, 9), np.linspace(-3, 3, 9), axes=("vx", "vy", "wz"))
+    found = stp.singularities.singularity_map(
+        chain, np.linspace(-1, 5, 9), np.linspace(-3, 3, 9), axes=("vx", "vy", "wz")
+    )
     ax = stp.viz.plot_singularity_map(chain, found, twists=3)
     assert ax.get_xlabel() == "x [m]" and ax.get_ylabel() == "y [m]"
     shades = np.asarray(ax.images[0].get_array())
@@ -31,7 +33,7 @@ def test_map_of_the_planar_platform() -> None:
 
 def test_the_centre_of_rotation_is_where_the_leg_lines_meet() -> None:
     chain = robot("rpr_planar")
-    found = stp.singularity_map(
+    found = stp.singularities.singularity_map(
         chain, np.linspace(-1.5, 5.5, 15), np.linspace(-4.8, 6.2, 21), axes=("vx", "vy", "wz")
     )
     ax = new_figure(5, 5).subplots()

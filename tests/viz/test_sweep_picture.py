@@ -18,11 +18,11 @@ def force(a: float, f: float) -> dict[str, object]:
 
 
 @pytest.fixture(scope="module")
-def found() -> stp.Sweep:
+def found() -> stp.sweeps.Sweep:
     return stp.sweep(force, {"a": A, "f": F})
 
 
-def test_a_map_has_rows_for_the_first_parameter(found: stp.Sweep) -> None:
+def test_a_map_has_rows_for_the_first_parameter(found: stp.sweeps.Sweep) -> None:
     ax = stp.viz.plot_sweep(
         found, "force", lines={"one": ("rate", 1.0)}, labels={"f": "frequency [Hz]", "force": "[N]"}
     )
@@ -45,7 +45,7 @@ def test_a_map_has_rows_for_the_first_parameter(found: stp.Sweep) -> None:
     )  # straight between the points of the grid
 
 
-def test_a_single_parameter_is_a_curve(found: stp.Sweep) -> None:
+def test_a_single_parameter_is_a_curve(found: stp.sweeps.Sweep) -> None:
     ax = stp.viz.plot_sweep(found, "rate", at={"f": 2.5}, lines={"most": ("rate", 2.0)})
     np.testing.assert_array_equal(ax.lines[0].get_xydata(), np.column_stack([A, 2.5 * A]))
     assert ax.get_xscale() == "log" and ax.get_xlabel() == "a" and ax.get_ylabel() == "rate"
@@ -71,7 +71,7 @@ def test_lists_of_points_are_dots(rng: np.random.Generator) -> None:
     np.testing.assert_array_equal(stp.viz.plot_sweep(one, "value").lines[0].get_ydata(), a**2)
 
 
-def test_arrays_of_ones_own_and_single_rows(found: stp.Sweep) -> None:
+def test_arrays_of_ones_own_and_single_rows(found: stp.sweeps.Sweep) -> None:
     ax = stp.viz.plot_sweep(found, found["force"][..., 1], labels={"": "own"})
     assert ax.figure.axes[1].get_ylabel() == "own"
     row = stp.sweep(force, {"a": [0.1], "f": F})
@@ -90,7 +90,7 @@ def test_arrays_of_ones_own_and_single_rows(found: stp.Sweep) -> None:
         ("rate", {"lines": {"x": ("speed", 1.0)}}, "not 'speed'"),
     ],
 )
-def test_what_cannot_be_drawn_is_refused(found: stp.Sweep, values, options, words: str) -> None:
+def test_what_cannot_be_drawn_is_refused(found: stp.sweeps.Sweep, values, options, words: str) -> None:
     with pytest.raises(InputError, match=words):
         stp.viz.plot_sweep(found, values, **options)
 

@@ -46,7 +46,7 @@ def test_forward_dynamics(name: str, pose: str, rng: np.random.Generator) -> Non
     tolerance = round_off_of_accelerations(case, AGREEMENT, effort)
     methods = {
         "projection": stp.forward_dynamics(chain, case.q, case.v, effort.tau_motor, method="projection"),
-        "articulated": stp.closed_chain_articulated_body(chain, case.q, case.v, effort.tau_motor),
+        "articulated": stp.dynamics.closed_chain_articulated_body(chain, case.q, case.v, effort.tau_motor),
     }
     if chain.known_to_pinocchio:
         methods["pinocchio"] = stp.forward_dynamics(
@@ -57,11 +57,11 @@ def test_forward_dynamics(name: str, pose: str, rng: np.random.Generator) -> Non
 
 
 @cache
-def kernels(name: str, coordinates: str) -> stp.Kernels:
+def kernels(name: str, coordinates: str) -> stp.compiled.Kernels:
     return stp.compile_kernels(zoo_chain(name), coordinates=coordinates, engine="numpy")
 
 
-def answering(name: str, coordinates: str) -> stp.Kernels | None:
+def answering(name: str, coordinates: str) -> stp.compiled.Kernels | None:
     """Compile kernels, or see them refused where there can be none."""
     if (coordinates, name) not in REFUSED:
         return kernels(name, coordinates)
@@ -94,9 +94,9 @@ def test_kernels_in_motor_coordinates(name: str, pose: str, rng: np.random.Gener
         rate, demand = np.zeros(chain.nu), np.zeros(chain.nu)
     x = stp.motor_positions(chain, case.q)
     q = stp.forward_kinematics(chain, x, limits=False).q
-    here = stp.motion_map(chain, q, np.zeros(chain.nv))
+    here = stp.dynamics.motion_map(chain, q, np.zeros(chain.nv))
     v = here.G @ rate
-    effort = stp.inverse_dynamics(chain, q, v, here.G @ demand + stp.motion_map(chain, q, v).gamma)
+    effort = stp.inverse_dynamics(chain, q, v, here.G @ demand + stp.dynamics.motion_map(chain, q, v).gamma)
     found = many.inverse_dynamics(x, rate, demand, status=status)
     assert status[0] == StateStatus.OK
     weight = 9.81 * pin.computeTotalMass(chain.model) * chain.length_scale

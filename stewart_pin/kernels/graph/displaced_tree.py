@@ -37,7 +37,7 @@ def displaced_tree(closed: ClosedTree) -> tuple[ClosedTree, ca.SX]:
     displaced : ClosedTree
         Same configuration; tree, placements and loop rows displaced, eliminated rows and motions as they are.
     symbols : casadi.SX
-        (n, 1) displacements, in the order of `stewart_pin.geometry_parameters`.
+        (n, 1) displacements, in the order of `stewart_pin.build.geometry_parameters`.
     """
     tree, q = closed.tree, closed.q
     moves, symbols = displacement_moves(closed.chain)
@@ -61,7 +61,7 @@ def displacement_moves(chain: ClosedChain) -> tuple[Moves, ca.SX]:
     moves : dict
         Of each joint, loop frame and rod by name.
     symbols : casadi.SX
-        (n, 1) displacements, in the order of `stewart_pin.geometry_parameters`.
+        (n, 1) displacements, in the order of `stewart_pin.build.geometry_parameters`.
     """
     parameters = geometry_parameters(chain)
     symbols = ca.SX.sym("displacement", len(parameters))

@@ -38,7 +38,7 @@ def leg_displacements(placed: PlacedPlatform) -> tuple[int, ...]:
     Returns
     -------
     tuple of int
-        Their places in `stewart_pin.geometry_parameters`; none unless the platform has six freedoms and as many motors
+        Their places in `stewart_pin.build.geometry_parameters`; none unless the platform has six freedoms and as many motors
         on legs that stand on the ground and carry it with one end each: with fewer freedoms it would turn by itself
         when a point moves.
     """

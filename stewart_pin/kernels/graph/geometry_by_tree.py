@@ -124,7 +124,7 @@ def tree_geometry_derivatives(held: HeldMotion, driven: DrivenTree | None, name:
     Returns
     -------
     casadi.Function
-        Same inputs; ``by_geometry`` (results, displacements), in the order of `stewart_pin.geometry_parameters`. It
+        Same inputs; ``by_geometry`` (results, displacements), in the order of `stewart_pin.build.geometry_parameters`. It
         holds for displacements that keep the mobility; and ``infeasible`` or ``open``, as the dynamics have it.
 
     Raises

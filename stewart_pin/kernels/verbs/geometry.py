@@ -110,7 +110,7 @@ class GeometryVerbs(Caller):
 
     @property
     def geometry_parameters(self) -> tuple[GeometryParameter, ...]:
-        """What may be displaced, as `stewart_pin.geometry_parameters` of the chain; print one to read it."""
+        """What may be displaced, as `stewart_pin.build.geometry_parameters` of the chain; print one to read it."""
         return geometry_parameters(self.chain)
 
     @property

@@ -103,7 +103,7 @@ def inverse_dynamics_derivatives(
     >>> import numpy as np, stewart_pin as stp
     >>> chain = stp.load("stewart")
     >>> rest = np.zeros(chain.nv)
-    >>> stp.inverse_dynamics_derivatives(chain, chain.q_home, rest, rest).tau_q.shape
+    >>> stp.dynamics.inverse_dynamics_derivatives(chain, chain.q_home, rest, rest).tau_q.shape
     (6, 24)
     """
     state = as_state(chain, q, v, a)

@@ -129,7 +129,7 @@ def classify_singularity(
     --------
     >>> import numpy as np, stewart_pin as stp
     >>> arm = stp.load("arm_3r_planar")
-    >>> print(stp.classify_singularity(arm, np.zeros(3)))  # stretched
+    >>> print(stp.singularities.classify_singularity(arm, np.zeros(3)))  # stretched
     the platform cannot move some way (type I, serial) [RI, IO]
     """
     state = as_state(chain, q).require_closed()

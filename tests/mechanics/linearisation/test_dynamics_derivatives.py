@@ -76,7 +76,7 @@ def test_along_closed_states(chain: stp.ClosedChain, rng: np.random.Generator) -
     def efforts(t: float) -> np.ndarray:
         return stp.inverse_dynamics(chain, *curve(t)).tau_motor
 
-    found = stp.inverse_dynamics_derivatives(chain, q, v, a)
+    found = stp.dynamics.inverse_dynamics_derivatives(chain, q, v, a)
     slope = (efforts(STEP) - efforts(-STEP)) / (2 * STEP)
     close(found.tau_q @ dq + found.tau_v @ dv + found.tau_a @ da, slope, DIFFERENCES)
 
@@ -86,7 +86,7 @@ def test_along_closed_states(chain: stp.ClosedChain, rng: np.random.Generator) -
         q, v, _ = curve(t)
         return stp.forward_dynamics(chain, q, v, tau + t * dtau).a
 
-    motion = stp.forward_dynamics_derivatives(chain, q, v, tau)
+    motion = stp.dynamics.forward_dynamics_derivatives(chain, q, v, tau)
     slope = (acceleration(STEP) - acceleration(-STEP)) / (2 * STEP)
     close(motion.a_q @ dq + motion.a_v @ dv + motion.a_tau @ dtau, slope, DIFFERENCES)
 
@@ -97,9 +97,9 @@ def test_inverse_and_forward_derivatives_undo_each_other(rng: np.random.Generato
     q = random_configuration(chain, rng, 0.1)
     v, a = random_motion(chain, rng, q)
     motions = chain.at(q).freedom.motions
-    inverse = stp.inverse_dynamics_derivatives(chain, q, v, a)
+    inverse = stp.dynamics.inverse_dynamics_derivatives(chain, q, v, a)
     tau = stp.inverse_dynamics(chain, q, v, a).tau_motor
-    forward = stp.forward_dynamics_derivatives(chain, q, v, tau)
+    forward = stp.dynamics.forward_dynamics_derivatives(chain, q, v, tau)
     close(forward.a_tau @ inverse.tau_a @ motions, motions, 1e-10)
     # A change of velocity needs efforts that leave no acceleration but the one the loops force on it.
     dv = motions @ rng.normal(size=motions.shape[1])
@@ -116,13 +116,13 @@ def test_trees_agree_with_pinocchio(rng: np.random.Generator) -> None:
     q = random_configuration(chain, rng, 0.5)
     v, a = random_motion(chain, rng, q)
     data = pin.Data(chain.model)
-    found = stp.inverse_dynamics_derivatives(chain, q, v, a)
+    found = stp.dynamics.inverse_dynamics_derivatives(chain, q, v, a)
     by_q, by_v, _ = pin.computeRNEADerivatives(chain.model, data, q, v, a)
     order = chain.motor_index
     close(found.tau_q, by_q[order], 1e-12)
     close(found.tau_v, by_v[order], 1e-12)
     tau = np.array(pin.rnea(chain.model, data, q, v, a))
-    motion = stp.forward_dynamics_derivatives(chain, q, v, tau[order])
+    motion = stp.dynamics.forward_dynamics_derivatives(chain, q, v, tau[order])
     by_q, by_v, by_tau = pin.computeABADerivatives(chain.model, data, q, v, tau)
     close(motion.a_q, by_q, 1e-10)
     close(motion.a_v, by_v, 1e-10)
@@ -137,7 +137,7 @@ def test_against_pinocchio_s_constrained_derivatives(rng: np.random.Generator) -
     tau_motor = rng.normal(size=6) * 100
     tau = np.zeros(chain.nv)
     tau[chain.motor_index] = tau_motor
-    models = stp.constraint_models(chain)
+    models = stp.loops.constraint_models(chain)
     datas = pin.StdVec_RigidConstraintData()
     for model in models:
         datas.append(model.createData())
@@ -146,7 +146,7 @@ def test_against_pinocchio_s_constrained_derivatives(rng: np.random.Generator) -
     settings = pin.ProximalSettings(1e-14, 0.0, 1)
     pin.constraintDynamics(chain.model, data, q, v, tau, models, datas, settings)
     pin.computeConstraintDynamicsDerivatives(chain.model, data, models, datas, settings)
-    found = stp.forward_dynamics_derivatives(chain, q, v, tau_motor)
+    found = stp.dynamics.forward_dynamics_derivatives(chain, q, v, tau_motor)
     motions = chain.at(q).freedom.motions
     close(found.a_v @ motions, data.ddq_dv @ motions, 1e-9)
     close(found.a_tau, data.ddq_dtau[:, chain.motor_index], 1e-9)
@@ -157,6 +157,6 @@ def test_open_loops_are_refused() -> None:
     rest = np.zeros(chain.nv)
     q = pin.integrate(chain.model, chain.q_home, rest + 0.01)
     with pytest.raises(InputError, match="does not keep the loops closed"):
-        stp.inverse_dynamics_derivatives(chain, q, rest, rest)
+        stp.dynamics.inverse_dynamics_derivatives(chain, q, rest, rest)
     with pytest.raises(InputError, match="does not keep the loops closed"):
-        stp.forward_dynamics_derivatives(chain, q, rest, np.zeros(6))
+        stp.dynamics.forward_dynamics_derivatives(chain, q, rest, np.zeros(6))

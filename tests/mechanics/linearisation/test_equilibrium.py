@@ -50,9 +50,11 @@ def test_platform_stiffness_without_preload(rng: np.random.Generator) -> None:
     springs = rng.uniform(1e6, 2e6, 6)
     pose = stp.platform_pose(chain, q)
     jacobian = stp.leg_jacobian(stp.Hexapod.from_chain(chain), pose.translation, pose.rotation)
-    found = stp.platform_stiffness(chain, q, motor_stiffness=springs, preload=False)
+    found = stp.dynamics.platform_stiffness(chain, q, motor_stiffness=springs, preload=False)
     close(found, jacobian.T @ np.diag(springs) @ jacobian, 1e-11)
-    spinning = stp.platform_stiffness(robot("stewart_sps"), robot("stewart_sps").q_home, motor_stiffness=1e6)
+    spinning = stp.dynamics.platform_stiffness(
+        robot("stewart_sps"), robot("stewart_sps").q_home, motor_stiffness=1e6
+    )
     assert spinning.shape == (6, 6)
 
 
@@ -78,7 +80,7 @@ def test_platform_stiffness_with_preload_is_the_change_of_force(rng: np.random.G
 
     h = 1e-5
     slope = np.array([(wrench(h * e) - wrench(-h * e)) / (2 * h) for e in np.eye(6)]).T
-    found = stp.platform_stiffness(chain, q, motor_stiffness=k)
+    found = stp.dynamics.platform_stiffness(chain, q, motor_stiffness=k)
     close(found, (slope + slope.T) / 2, 1e-8)
     assert np.abs(found - jacobian.T @ jacobian * k).max() > 50  # preload counts
 
@@ -133,4 +135,4 @@ def test_bad_input_is_refused() -> None:
         stp.natural_frequencies(chain, chain.q_home, motor_stiffness=-1.0)
     planar = four_bar()
     with pytest.raises(InputError, match="1 freedoms, not six"):
-        stp.platform_stiffness(planar, planar.q_home, motor_stiffness=1.0)
+        stp.dynamics.platform_stiffness(planar, planar.q_home, motor_stiffness=1.0)

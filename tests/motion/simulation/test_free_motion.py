@@ -82,7 +82,7 @@ def test_going_on_is_the_same_as_not_having_stopped(rng: np.random.Generator) ->
     v = thrown(chain, rng)
     whole = stp.simulate(chain, chain.q_home, v, duration=0.1, dt=2e-3)
     first = stp.simulate(chain, chain.q_home, v, duration=0.04, dt=2e-3)
-    rest = stp.resume(chain, first.final_state, duration=0.06)
+    rest = stp.simulation.resume(chain, first.final_state, duration=0.06)
     np.testing.assert_array_equal(rest.q[-1], whole.q[-1])
     assert rest.time[-1] == whole.time[-1]
     assert rest.time[0] == first.time[-1]
@@ -101,13 +101,13 @@ def test_an_interrupt_loses_nothing(rng: np.random.Generator) -> None:
 
     with pytest.raises(KeyboardInterrupt) as caught:
         stp.simulate(chain, chain.q_home, v, duration=0.2, dt=2e-3, progress=impatient)
-    assert isinstance(caught.value, stp.SimulationInterrupted)
+    assert isinstance(caught.value, stp.simulation.SimulationInterrupted)
     run = caught.value.simulation
     assert not run.success
     assert "interrupted" in run.reason
     assert run.time[-1] == pytest.approx(0.04)
     whole = stp.simulate(chain, chain.q_home, v, duration=0.1, dt=2e-3)
-    rest = stp.resume(chain, run.final_state, duration=0.06)
+    rest = stp.simulation.resume(chain, run.final_state, duration=0.06)
     np.testing.assert_array_equal(rest.q[-1], whole.q[-1])
     with pytest.raises(stp.errors.ConvergenceError, match="interrupted"):
         run.or_raise()
@@ -141,8 +141,8 @@ def test_the_measured_acceleration_is_the_derivative_of_the_measured_twist(rng: 
         ({"dt": 3e-3}, "multiple"),
         ({"method": "Euler"}, "method"),
         ({"stop_on": ("boredom",)}, "stop_on"),
-        ({"motors": stp.Motors(viscous=-1.0)}, "viscous"),
-        ({"motors": stp.Motors(viscous=[1.0, 2.0, 3.0])}, "viscous"),
+        ({"motors": stp.simulation.Motors(viscous=-1.0)}, "viscous"),
+        ({"motors": stp.simulation.Motors(viscous=[1.0, 2.0, 3.0])}, "viscous"),
         ({"controller": lambda t, q, v: np.zeros(2)}, "motor efforts"),
         ({"controller": lambda t, q, v: np.full(6, np.nan)}, "finite"),
     ],

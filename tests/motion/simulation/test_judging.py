@@ -56,19 +56,19 @@ def test_continuous_joints_know_whole_turns(method: str, dt: float, tmp_path: Pa
     run = stp.simulate(chain, chain.q_home, np.array([-300.0]), duration=1.0, dt=dt, method=method)
     assert run.success
     np.testing.assert_allclose(run.q[:, 0], -300.0 * run.time, rtol=0, atol=1e-6)
-    on = stp.resume(chain, run.final_state, duration=dt, method=method)
+    on = stp.simulation.resume(chain, run.final_state, duration=dt, method=method)
     assert on.q[-1, 0] == pytest.approx(-300.0 * (1 + dt), abs=1e-6)
 
 
 def _controllers(chain: stp.ClosedChain) -> dict[str, partial]:
     home = stp.platform_pose(chain, chain.q_home)
-    reference = partial(stp.sinusoidal_motion, home=home, amplitude=np.array([0.0, 0.0, 0.02]))
-    pid = partial(stp.LegPID, chain, reference, kp=1e5, kd=3e3, ki=2e5)
+    reference = partial(stp.motions.sinusoidal_motion, home=home, amplitude=np.array([0.0, 0.0, 0.02]))
+    pid = partial(stp.control.LegPID, chain, reference, kp=1e5, kd=3e3, ki=2e5)
     return {
         "none": lambda: None,
         "function": lambda: lambda t, q, v: 50.0 * np.sin(20 * t) - 10.0 * v[chain.motor_index],
         "dynamic": pid,
-        "sampled": lambda: stp.SampledController(chain, pid(), rate=250.0),
+        "sampled": lambda: stp.control.SampledController(chain, pid(), rate=250.0),
     }
 
 
@@ -78,7 +78,7 @@ def assert_continues(chain: stp.ClosedChain, q, v, make, **options) -> None:
     for cut in (1, 3, 6) if options.get("method", "fixed") == "fixed" else (3,):
         controller = make()
         first = stp.simulate(chain, q, v, controller, duration=cut * dt, dt=dt, **options)
-        rest = stp.resume(chain, first.final_state, controller, duration=(8 - cut) * dt, **options)
+        rest = stp.simulation.resume(chain, first.final_state, controller, duration=(8 - cut) * dt, **options)
         for field in ("time", "q", "v", "tau_motor", "energy", "supplied", "dissipated", "gap"):
             np.testing.assert_array_equal(getattr(rest, field), getattr(whole, field)[cut:], err_msg=field)
         for field in fields(whole.platform):
@@ -167,17 +167,17 @@ def test_arguments_are_checked_at_the_door(options: dict, message: str) -> None:
     if message != "start_time":
         state = stp.simulate(chain, chain.q_home, np.zeros(chain.nv), duration=1e-3).final_state
         with pytest.raises(stp.errors.InputError, match=message):
-            stp.resume(chain, state, **ask)
+            stp.simulation.resume(chain, state, **ask)
 
 
 def test_states_to_go_on_from_are_checked() -> None:
     chain = robot("four_bar")
     with pytest.raises(stp.errors.InputError, match="final_state"):
-        stp.resume(chain, chain.q_home, duration=1e-3)
+        stp.simulation.resume(chain, chain.q_home, duration=1e-3)
     other = robot("stewart")
     state = stp.simulate(other, other.q_home, np.zeros(other.nv), duration=1e-3).final_state
     with pytest.raises(stp.errors.InputError, match="state"):
-        stp.resume(chain, state, duration=1e-3)
+        stp.simulation.resume(chain, state, duration=1e-3)
 
 
 DOOR = """<robot name="door"><link name="wall"/><link name="leaf"><inertial><origin xyz="0.4 0.1 1"/>

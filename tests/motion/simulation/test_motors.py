@@ -10,7 +10,7 @@ from tests.closed_states import random_motion, robot
 from tests.mechanisms import four_bar
 
 
-def audit(run: stp.Simulation) -> float:
+def audit(run: stp.simulation.Simulation) -> float:
     """Energy that the account cannot explain [J]."""
     return float(np.abs(run.energy + run.dissipated - run.supplied - run.energy[0]).max())
 
@@ -22,7 +22,7 @@ def push(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def test_energy_account_with_friction_and_drive(rng: np.random.Generator) -> None:
     chain = robot("stewart")
     v = random_motion(chain, rng, chain.q_home)[0]
-    motors = stp.Motors(viscous=30.0, coulomb=10.0, coulomb_rate=0.1, inertia=2.0)
+    motors = stp.simulation.Motors(viscous=30.0, coulomb=10.0, coulomb_rate=0.1, inertia=2.0)
     left = []
     for dt in (4e-3, 2e-3):
         run = stp.simulate(chain, chain.q_home, v, push, duration=0.2, dt=dt, motors=motors)
@@ -40,7 +40,9 @@ def test_motor_inertia_adds_to_the_mass_matrix(rng: np.random.Generator) -> None
     # The same as an effort -inertia · a on the motor coordinate, which inverse dynamics must then supply.
     chain = robot("stewart")
     rest = np.zeros(chain.nv)
-    run = stp.simulate(chain, chain.q_home, rest, duration=1e-3, dt=1e-3, motors=stp.Motors(inertia=3.0))
+    run = stp.simulate(
+        chain, chain.q_home, rest, duration=1e-3, dt=1e-3, motors=stp.simulation.Motors(inertia=3.0)
+    )
     pose = run.platform.pose(0)
     state = stp.platform_motion(chain, pose, np.zeros(6), run.platform.acceleration[0])
     efforts = stp.inverse_dynamics(chain, state.q, rest, state.a).tau_motor
@@ -61,7 +63,7 @@ def test_efforts_saturate_at_the_files_limit_and_say_so() -> None:
 def test_a_rate_limit_takes_the_push_but_not_the_brake() -> None:
     chain = four_bar()
     rest = np.zeros(chain.nv)
-    motors = stp.Motors(rate_limit=2.0)
+    motors = stp.simulation.Motors(rate_limit=2.0)
     run = stp.simulate(
         chain, chain.q_home, rest, lambda t, q, v: np.array([40.0]), duration=0.6, dt=2e-3, motors=motors
     )
@@ -84,7 +86,7 @@ def test_end_stops_hold_the_stroke_and_the_account() -> None:
     chain = robot("stewart")
     rest = np.zeros(chain.nv)
     lower = chain.model.lowerPositionLimit[chain.motor_q_index]
-    motors = stp.Motors(stop_stiffness=1e5, stop_damping=300.0)
+    motors = stp.simulation.Motors(stop_stiffness=1e5, stop_damping=300.0)
     run = stp.simulate(chain, chain.q_home, rest, duration=0.6, dt=1e-3, motors=motors)
     assert run.success
     position = run.q[:, chain.motor_q_index]
@@ -127,7 +129,7 @@ def test_a_singularity_is_announced() -> None:
     assert event.kind == "singularity"
     assert event.value < 0.2
     # The measure is the one by which configurations are classified.
-    measures = stp.classify_singularity(chain, state.q[-1]).measures
+    measures = stp.singularities.classify_singularity(chain, state.q[-1]).measures
     assert event.value == pytest.approx(measures["motor"], rel=1e-9)
     assert event.joint in chain.tangent_names
 
@@ -136,7 +138,7 @@ def test_a_step_far_too_long_ends_in_words_not_in_nan() -> None:
     chain = robot("stewart")
     rest = np.zeros(chain.nv)
     stiff = lambda t, q, v: -1e6 * (q - chain.q_home)[chain.motor_q_index] - 1e5 * v[chain.motor_index]  # noqa: E731
-    motors = stp.Motors(effort_limit=np.inf)
+    motors = stp.simulation.Motors(effort_limit=np.inf)
     run = stp.simulate(chain, chain.q_home, rest, stiff, duration=1.0, dt=0.05, motors=motors)
     assert not run.success
     assert run.events[-1].kind in ("closure_lost", "diverged")
@@ -150,7 +152,13 @@ def test_friction_stops_what_moves_and_brakes_what_it_says(rng: np.random.Genera
     chain = four_bar()
     v = random_motion(chain, rng, chain.q_home)[0]
     run = stp.simulate(
-        chain, chain.q_home, v, duration=0.5, dt=2e-3, motors=stp.Motors(viscous=2.0), record_rate=500.0
+        chain,
+        chain.q_home,
+        v,
+        duration=0.5,
+        dt=2e-3,
+        motors=stp.simulation.Motors(viscous=2.0),
+        record_rate=500.0,
     )
     # Heat is the time integral of viscous · rate²; Simpson's rule on the record.
     rate2 = run.v[:, chain.motor_index[0]] ** 2

@@ -55,7 +55,7 @@ def told_pose(t: Telling, c: Case, q: np.ndarray) -> pin.SE3:
     return stp.platform_pose(t.chain, t.state(q)[0])
 
 
-def told_motion(t: Telling, c: Case, scale: float, times: np.ndarray = TIMES) -> stp.PlatformSamples:
+def told_motion(t: Telling, c: Case, scale: float, times: np.ndarray = TIMES) -> stp.motions.PlatformSamples:
     """Tell a motion of the platform, or have the told chain make its own."""
     if t.exact:
         return t.samples(c.motion(scale, tuple(times)))
@@ -70,7 +70,7 @@ def told_motion(t: Telling, c: Case, scale: float, times: np.ndarray = TIMES) ->
 
 def keeps_closed(c: Case, q: np.ndarray) -> np.ndarray:
     """Draw a velocity that keeps the loops closed."""
-    return stp.motion_map(c.chain, q).G @ c.v[c.chain.motor_index]
+    return stp.dynamics.motion_map(c.chain, q).G @ c.v[c.chain.motor_index]
 
 
 def moves(t: Telling, q: np.ndarray, v: np.ndarray, a: np.ndarray, note: str = "") -> Answers:

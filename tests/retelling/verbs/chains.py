@@ -51,7 +51,7 @@ def replace_inertias(t: Telling, c: Case) -> Answers:
     if body is None:
         return {}
     heavy = pin.Inertia(2 * body.mass, body.lever, 2 * body.inertia)
-    return _holds(t, c, stp.replace_inertias(t.chain, {t.chain.platform: heavy}), "heavy")
+    return _holds(t, c, stp.build.replace_inertias(t.chain, {t.chain.platform: heavy}), "heavy")
 
 
 @asks("lock_joints")
@@ -71,7 +71,7 @@ def lock_joints(t: Telling, c: Case) -> Answers:
 
 @asks("loops_by_balls")
 def loops_by_balls(t: Telling, c: Case) -> Answers:
-    return _holds(t, c, stp.loops_by_balls(t.chain), "balls")
+    return _holds(t, c, stp.build.loops_by_balls(t.chain), "balls")
 
 
 @asks("on_floating_base")

@@ -39,7 +39,9 @@ def forward_dynamics(t: Telling, c: Case) -> Answers:
 @asks("closed_chain_articulated_body", "articulated_body_acceleration")
 def articulated_bodies(t: Telling, c: Case) -> Answers:
     q, v, _ = t.state(c.q, c.v)
-    answers = moves(t, q, v, stp.closed_chain_articulated_body(t.chain, q, v, t.efforts(c.tau_motor)).a)
+    answers = moves(
+        t, q, v, stp.dynamics.closed_chain_articulated_body(t.chain, q, v, t.efforts(c.tau_motor)).a
+    )
     if t.joint_by_joint:
         tau = np.linalg.solve(t.T.T, c.chain.at(c.q, c.v).nle)
         answers["tree"] = Sized(
@@ -53,15 +55,15 @@ def derivatives(t: Telling, c: Case) -> Answers:
     if not t.joint_by_joint:
         return {}
     q, v, a = t.state(c.q, c.v, c.a)
-    inverse = stp.inverse_dynamics_derivatives(t.chain, q, v, a)
-    forward = stp.forward_dynamics_derivatives(t.chain, q, v, t.efforts(c.tau_motor))
+    inverse = stp.dynamics.inverse_dynamics_derivatives(t.chain, q, v, a)
+    forward = stp.dynamics.forward_dynamics_derivatives(t.chain, q, v, t.efforts(c.tau_motor))
     # Along motions that keep the loops closed: what lies across them depends on how a loop is closed.
     N = c.chain.at(c.q).freedom.motions
     answers = {
         name: t.motors(getattr(inverse, name) @ t.T @ N, axis=0) for name in ("tau_q", "tau_v", "tau_a")
     }
     # A velocity keeps the loops closed on the way: v changes by W, with J W + (rate of J along N) v = 0.
-    along = np.stack([stp.loop_jacobian_rate(c.chain, c.q, n) @ c.v for n in N.T], axis=1)
+    along = np.stack([stp.loops.loop_jacobian_rate(c.chain, c.q, n) @ c.v for n in N.T], axis=1)
     scale = c.chain.tangent_scale[:, None]
     W = -scale * np.linalg.lstsq(c.chain.at(c.q).J_c * scale.T, along, rcond=1e-10)[0]
     changes = {
@@ -100,7 +102,7 @@ def joint_reactions(t: Telling, c: Case) -> Answers:
 @asks("platform_stiffness")
 def platform_stiffness(t: Telling, c: Case) -> Answers:
     stiffness = t.sizes(1e4 * c.effort * (1 + np.arange(c.chain.nu)))
-    found = stp.platform_stiffness(t.chain, t.state(c.near)[0], motor_stiffness=stiffness)
+    found = stp.dynamics.platform_stiffness(t.chain, t.state(c.near)[0], motor_stiffness=stiffness)
     return {"stiffness": t.twists(t.twists(found, 0), 1)}
 
 

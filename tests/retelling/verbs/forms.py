@@ -17,17 +17,17 @@ def polytopes(t: Telling, c: Case) -> Answers:
         return {}
     q, rng, L = t.state(c.near)[0], np.random.default_rng(5), c.chain.length_scale
     answers: Answers = {}
-    moves = c.chain.at(c.near).P @ stp.motion_map(c.chain, c.near).G
+    moves = c.chain.at(c.near).P @ stp.dynamics.motion_map(c.chain, c.near).G
     limit = t.sizes(1.0 + 0.2 * np.arange(c.chain.nu))
     for name, found in (
-        ("velocity", stp.velocity_polytope(t.chain, q, rate_limit=limit)),
-        ("wrench", stp.wrench_polytope(t.chain, q, effort_limit=c.effort * limit, gravity=True)),
+        ("velocity", stp.polytopes.velocity_polytope(t.chain, q, rate_limit=limit)),
+        ("wrench", stp.polytopes.wrench_polytope(t.chain, q, effort_limit=c.effort * limit, gravity=True)),
     ):
-        answers[f"{name} ball"] = stp.inscribed_ball(found).radius
+        answers[f"{name} ball"] = stp.polytopes.inscribed_ball(found).radius
         if found.vertices.shape[1] == 6:
             along = moves @ rng.normal(size=(c.chain.nu, 4))
             along = along / np.where(np.arange(6) < 3, L, 1.0)[:, None]
-            answers[name] = np.array([stp.polytope_support(found, t.turned(x)) for x in along.T])
+            answers[name] = np.array([stp.polytopes.polytope_support(found, t.turned(x)) for x in along.T])
     return answers
 
 
@@ -43,7 +43,7 @@ def assembly_modes(t: Telling, c: Case) -> Answers:
 
 @asks("hexapod_bodies")
 def hexapod_bodies(t: Telling, c: Case) -> Answers:
-    found = stp.hexapod_bodies(t.chain)
+    found = stp.hexapods.hexapod_bodies(t.chain)
     answers: Answers = {"joint": found.lower_joint == "universal"}
     lower, upper = (part if isinstance(part, tuple) else (part,) * 6 for part in (found.lower, found.upper))
     legs = [(lower[k], upper[k]) for k in t.order]
@@ -66,7 +66,7 @@ def hexapod(t: Telling, c: Case) -> Answers:
 
 @asks("planar_rpr")
 def planar_rpr(t: Telling, c: Case) -> Answers:
-    found = stp.planar_rpr(t.chain)
+    found = stp.planar.planar_rpr(t.chain)
     back = t.world.inverse()
     anchors = np.array([back * np.append(p, 0.0) for p in found.anchors])
     return {"anchors": anchors[t.order], "corners": found.corners[t.order]}
@@ -74,7 +74,7 @@ def planar_rpr(t: Telling, c: Case) -> Answers:
 
 @asks("rotary_legs")
 def rotary_legs(t: Telling, c: Case) -> Answers:
-    found = stp.rotary_legs(t.chain)
+    found = stp.rotary.rotary_legs(t.chain)
     back = t.world.inverse()
     return {
         "base": np.array([back * p for p in found.base_points])[t.order],

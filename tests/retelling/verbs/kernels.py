@@ -50,7 +50,7 @@ def kernels_of_the_platform(t: Telling, c: Case) -> Answers:
     q, v, _ = t.state(c.near, keeps_closed(c, c.near))
     told = t.chain.at(q, v)
     pose, twist = _xyzquat(t, c.near, c), told.twist[None]
-    acceleration = (told.P @ stp.motion_map(told).gamma + told.platform_bias)[None]
+    acceleration = (told.P @ stp.dynamics.motion_map(told).gamma + told.platform_bias)[None]
     many = stp.compile_kernels(t.chain, coordinates="platform", engine="numpy")
     readings = t.readings(stp.motor_positions(c.chain, c.near))[None]
     home = _xyzquat(t, c.chain.q_home, c)

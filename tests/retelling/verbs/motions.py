@@ -20,7 +20,7 @@ def demand_by_kernels(t: Telling, c: Case) -> Answers:
     return _demand(t, stp.motor_demand(t.chain, told_motion(t, c, 1.0), kernels=True))
 
 
-def _demand(t: Telling, found: stp.MotorDemand) -> Answers:
+def _demand(t: Telling, found: stp.motions.MotorDemand) -> Answers:
     return {
         "positions": t.positions(found.positions),
         "rates": t.motors(found.rates),
@@ -86,22 +86,22 @@ def computed_torque(t: Telling, c: Case) -> Answers:
     q, v, _ = t.state(c.near, keeps_closed(c, c.near))
     if not t.same_size:
         return {}  # what is left of a correction that the platform cannot do
-    return {"efforts": t.motors(stp.ComputedTorque(t.chain, reference)(0.1, q, v))}
+    return {"efforts": t.motors(stp.control.ComputedTorque(t.chain, reference)(0.1, q, v))}
 
 
 @asks("Feedforward", "LegPID", "GravityCompensation", "SampledController")
 def control(t: Telling, c: Case) -> Answers:
     reference = lambda times: told_motion(t, c, 1.0, times)  # noqa: E731
     q, v, _ = t.state(c.near, keeps_closed(c, c.near))
-    pid = stp.LegPID(t.chain, reference, kp=1e3 * c.effort, kd=10 * c.effort)
+    pid = stp.control.LegPID(t.chain, reference, kp=1e3 * c.effort, kd=10 * c.effort)
     answers: Answers = {
-        "feedforward": stp.Feedforward(t.chain, reference)(0.1, q, v),
+        "feedforward": stp.control.Feedforward(t.chain, reference)(0.1, q, v),
         "pid": pid(0.1, q, v),
-        "integral": stp.LegPID(t.chain, reference, ki=1e3 * c.effort).state_rate(
+        "integral": stp.control.LegPID(t.chain, reference, ki=1e3 * c.effort).state_rate(
             0.1, q, v, np.zeros(t.chain.nu)
         ),
-        "gravity": stp.GravityCompensation(t.chain)(0.1, q, v),
-        "sampled": stp.SampledController(t.chain, pid)(0.1, q, v),
+        "gravity": stp.control.GravityCompensation(t.chain)(0.1, q, v),
+        "sampled": stp.control.SampledController(t.chain, pid)(0.1, q, v),
     }
     return {
         name: Sized(t.motors(tau), c.effort if name != "integral" else 0.0) for name, tau in answers.items()
@@ -114,16 +114,16 @@ def control_by_a_point(t: Telling, c: Case) -> Answers:
     q, v, _ = t.state(c.near, keeps_closed(c, c.near))
     return {
         make.__name__: t.motors(make(t.chain, reference, model="point_mass")(0.1, q, v))
-        for make in (stp.Feedforward, stp.ComputedTorque)
+        for make in (stp.control.Feedforward, stp.control.ComputedTorque)
     }
 
 
 @asks("simulate", "resume", "Simulation", kind="slow")
 def simulate(t: Telling, c: Case) -> Answers:
     q, v, _ = t.state(c.near, 0.1 * keeps_closed(c, c.near))
-    hold = stp.GravityCompensation(t.chain)
+    hold = stp.control.GravityCompensation(t.chain)
     first = stp.simulate(t.chain, q, v, hold, duration=0.01, dt=2e-3, kernels=False)
-    found = stp.resume(t.chain, first.final_state, hold, duration=0.01, kernels=False)
+    found = stp.simulation.resume(t.chain, first.final_state, hold, duration=0.01, kernels=False)
     return {
         "efforts": Sized(t.motors(found.tau_motor), c.effort),
         "positions": t.positions(found.q[:, t.chain.motor_q_index]),

@@ -23,8 +23,8 @@ def mobility(t: Telling, c: Case) -> Answers:
 
 @asks("generic_freedom", "classify_singularity")
 def classify_singularity(t: Telling, c: Case) -> Answers:
-    counts = stp.generic_freedom(t.chain)
-    found = stp.classify_singularity(t.chain, t.state(c.q)[0])
+    counts = stp.loops.generic_freedom(t.chain)
+    found = stp.singularities.classify_singularity(t.chain, t.state(c.q)[0])
     measures = [found.measures[kind] for kind in sorted(found.measures)]
     answers: Answers = {
         "counts": np.array([counts.dof, counts.motor, counts.platform, counts.either]),
@@ -43,8 +43,8 @@ def find_singularity(t: Telling, c: Case) -> Answers:
     if not t.joint_by_joint:
         return {}
     stops = np.array([t.state(c.chain.q_home)[0], t.state(c.near)[0]])
-    path = stp.closed_path(t.chain, stops)
-    found = stp.find_singularity(t.chain, path, kinds=["motor"], samples=9)
+    path = stp.loops.closed_path(t.chain, stops)
+    found = stp.singularities.find_singularity(t.chain, path, kinds=["motor"], samples=9)
     # Newton's steps from the straight line, whose gaps are others.
     midway = {"midway": t.pose(stp.platform_pose(t.chain, path(0.5)))} if t.same_gap else {}
     return {
@@ -60,7 +60,7 @@ def singularity_map(t: Telling, c: Case) -> Answers:
     if c.chain.name != "five_bar" or not (plane and t.joint_by_joint and t.same_size and t.exact):
         return {}  # a plane of the world is another one where the base is turned
     at = stp.platform_pose(c.chain, c.chain.q_home).translation
-    found = stp.singularity_map(
+    found = stp.singularities.singularity_map(
         t.chain, at[0] + np.linspace(-0.05, 0.05, 4), at[1] + np.linspace(-0.05, 0.05, 3), axes=("vx", "vy")
     )
     return {str(kind): found.measures[kind] for kind in ("motor", "platform")}

@@ -30,8 +30,8 @@ def loops(t: Telling, c: Case) -> Answers:
         **gap,
         "jacobian": t.cotangent(t.cotangent(J.T @ J).T),
         # Along motions that keep the loops closed, where frames that turn have no gap to turn.
-        "rate": t.cotangent(J.T @ stp.loop_jacobian_rate(t.chain, q, v) @ N),
-        "rate of motions": t.cotangent(J.T @ stp.loop_jacobian_rate(t.chain, q, v, N)),
+        "rate": t.cotangent(J.T @ stp.loops.loop_jacobian_rate(t.chain, q, v) @ N),
+        "rate of motions": t.cotangent(J.T @ stp.loops.loop_jacobian_rate(t.chain, q, v, N)),
         "bias": _of_rows(t, q, lambda q: stp.loop_bias(t.chain, q, v)),
     }
 
@@ -84,7 +84,7 @@ def inverse_kinematics(t: Telling, c: Case) -> Answers:
     return answers
 
 
-def _found(t: Telling, found: stp.Closure, note: str = "") -> Answers:
+def _found(t: Telling, found: stp.loops.Closure, note: str = "") -> Answers:
     answers = {
         "motors" + note: t.positions(stp.motor_positions(t.chain, found.q)),
         "pose" + note: t.pose(stp.platform_pose(t.chain, found.q)),
@@ -106,7 +106,7 @@ def all_forward_kinematics(t: Telling, c: Case) -> Answers:
     if c.chain.nv > 4 or not t.joint_by_joint:
         return {}  # few starts find all solutions of a planar chain only
     readings = t.readings(stp.motor_positions(c.chain, c.near))
-    found = stp.all_forward_kinematics(t.chain, readings, starts=60)
+    found = stp.loops.all_forward_kinematics(t.chain, readings, starts=60)
     poses = np.array([t.pose(pose) for pose in found.poses])
     return {"poses": poses[np.lexsort(poses.reshape(len(poses), -1).round(6).T[::-1])]}
 
@@ -156,7 +156,7 @@ def operational_dynamics(t: Telling, c: Case) -> Answers:
             "gamma": t.tangent(motor.motion.gamma),
         }
     # Of a platform with fewer freedoms the coordinates are other twists in another world.
-    platform = stp.motion_map(t.chain, q, v, coordinates="platform")
+    platform = stp.dynamics.motion_map(t.chain, q, v, coordinates="platform")
     basis = platform.coordinates.basis
     assert basis is not None
     twist = t.twists(basis @ platform.rate)
@@ -175,7 +175,7 @@ def joint_motor_map(t: Telling, c: Case) -> Answers:
     q, v, _ = t.state(c.q, c.v)
     # Joints of one freedom have a rate of their own in every telling.
     names = [j.name for j in c.chain.mechanism.joints if j.has_axis][:3]
-    found = stp.joint_motor_map(t.chain, q, names, v)
+    found = stp.dynamics.joint_motor_map(t.chain, q, names, v)
     signs = np.array([t.joints[name].sign if name in t.joints else 1.0 for name in names])
     answers = {"J": signs[:, None] * t.motors(found.J), "bias": signs * found.bias}
     if found.inverse is not None:
