@@ -38,10 +38,10 @@ def planar_rpr(chain: ClosedChain) -> PlanarRPR:
     --------
     >>> import stewart_pin as stp
     >>> chain = stp.load("rpr_planar")
-        >>> sign, offset = chain.leg_readings
+    >>> sign, offset = chain.leg_readings
     >>> lengths = offset + sign * stp.motor_positions(chain, chain.q_home)
     >>> len(stp.planar_assembly_modes(stp.planar.planar_rpr(chain), lengths))
-        4
+    4
     """
     graph = BodyGraph(chain)
     platform = graph.frames[chain.platform_link]

@@ -37,8 +37,7 @@ _TURN = 0.6
 _SHORTEST = 1e-5
 """Share of a path below which a stretch is not shortened any more."""
 _Side = tuple[FloatArray, ...] | None
-"""A square matrix of loops and demand with its factors; or the demand's share in a basis of motions, and the basis.
-None where nothing is asked for."""
+"""The matrix of loops and demand, and its factors where it is square; None where there is none."""
 _LITTLE = 0.7
 """Relative change of the matrix by the first step of a stretch with which the next, by a third more, stay below 1."""
 _ON_THE_WAY = 1e-8
@@ -69,6 +68,8 @@ class Path:
         Number of independent rows that the mechanism has beside its loops.
     demand
         What is asked for, in words.
+    onward
+        Leads from a state on the way to the same end; None where the path goes through what the mechanism can do.
     """
 
     residual: Callable[[State, float], FloatArray]
@@ -76,6 +77,7 @@ class Path:
     sizes: FloatArray
     rank: int
     demand: str
+    onward: Callable[[State], Path] | None = None
 
     def system(self, chain: ClosedChain) -> System:
         """Return loops and the end of the path as a system for `solve`.
@@ -156,7 +158,10 @@ def pose_path(start: State, target: pin.SE3, axes: Sequence[TwistAxis] = TWIST_A
         # d log3(R R_targetᵀ) = ω up to the error itself.
         return state.P[kept] * chain.tangent_scale / sizes[:, None]
 
-    return Path(residual, rows, sizes, generic_freedom(chain, axes).platform, "the pose")
+    rank = generic_freedom(chain, axes).platform
+    # Of few freedoms, a platform follows no screw: it goes as near as it can, and on from there.
+    onward = (lambda state: pose_path(state, target, axes)) if rank < len(sizes) else None
+    return Path(residual, rows, sizes, rank, "the pose", onward)
 
 
 def motor_path(start: State, target: FloatArray) -> Path:
@@ -204,10 +209,11 @@ def follow_path(start: State, path: Path) -> Closure:
         the chain comes nearest.
     """
     state, share, stretch, iterations = start, 0.0, 1.0, 0
-    system, residual = path.system(start.chain), np.zeros(0)
+    system, residual, way, done = path.system(start.chain), np.zeros(0), path, 0.0
     while share < 1.0:
         end = min(1.0, share + stretch)
-        found = _stretch(state, path, end)
+        # What lies before the state the way now begins at is done.
+        found = _stretch(state, way, 1.0 if end == 1.0 else (end - done) / (1.0 - done))
         iterations += found.steps
         if found.state is None:
             stretch *= found.shorten
@@ -216,6 +222,8 @@ def follow_path(start: State, path: Path) -> Closure:
             continue
         state, share, residual = found.state, end, found.residual
         stretch *= 2
+        if path.onward is not None and share < 1.0:
+            way, done = path.onward(state), share
     closure = judged(state, residual, system, iterations)
     if not closure.success and _largest(residual) < _ON_THE_WAY:
         # Beside a singularity plain steps lose digits that damped ones keep.
@@ -238,13 +246,15 @@ def _stretch(begin: State, path: Path, share: float) -> _Stretch:
     """Newton's method from the beginning of a stretch to its end, as long as it contracts."""
     state, residual = begin, path.residuals(begin, share)
     goal = CLOSED / 10 if share == 1.0 else _ON_THE_WAY
-    angles = begin.chain.angle_mask
+    angles, rank = begin.chain.angle_mask, begin.chain.generic.rank + path.rank
     before, worst = 0.0, _largest(residual)
     first: _Side = None
     turned = np.inf
     for count in range(_MAX_STEPS):
         if worst <= goal:
-            return _Stretch(count, state, residual)
+            # Short steps leave so little that no second one has seen what the first has passed.
+            passed = count == 1 and _change(first, _newton_step(state, path, residual)[1], rank) >= 1.0
+            return _Stretch(count) if passed else _Stretch(count, state, residual)
         step, side = _newton_step(state, path, residual)
         if step is None:
             return _Stretch(count)
@@ -252,7 +262,7 @@ def _stretch(begin: State, path: Path, share: float) -> _Stretch:
         first = side if count == 0 else first
         # Steps that shrink to a quarter each add at most a third to what the matrix has changed by the first of them.
         if count and turned > _LITTLE:
-            turned = _change(first, side, path.rank)
+            turned = _change(first, side, rank)
             if turned >= 1.0:
                 return _Stretch(count)
         size = float(np.sqrt(step @ step))
@@ -293,13 +303,13 @@ def _newton_step(state: State, path: Path, residual: FloatArray) -> tuple[Tangen
         return None, None
     across = motions.across(-residual[: chain.nc])
     if not path.rank:
-        return across, None
+        return across, (state.rows,)
     driven = rows @ motions.basis
     share = split_motions(driven, path.rank)
     if share.smallest <= 0:
         return None, None
     step = across + motions.basis @ share.across(-residual[chain.nc :] - rows @ across)
-    return step, (driven, motions.basis)
+    return step, (np.concatenate([state.rows, rows]),)
 
 
 def _change(first: _Side, last: _Side, rank: int) -> float:
@@ -308,10 +318,9 @@ def _change(first: _Side, last: _Side, rank: int) -> float:
         return 0.0
     if len(first) == 3:
         change = _getrs(first[1], first[2], last[0])[0]
-    else:  # the bases are each turned as they like; idle motions have no share, and surplus rows no motion
+    else:  # what depends on other rows, and idle motions, do not count
         u, s, vt = np.linalg.svd(first[0], full_matrices=False)
-        u, s, vt = u[:, :rank], s[:rank], vt[:rank]
-        change = (u.T @ last[0] @ (last[1].T @ first[1]) @ vt.T) / s
+        change = (u[:, :rank].T @ last[0] @ vt[:rank].T) / s[:rank, None]
     # The change of the matrix is the identity where nothing moves. An eigenvalue that has gone through zero stands for
     # a singularity; two at once would leave the sign of the determinant.
     beside = change.ravel(order="K")  # no copy

@@ -39,6 +39,8 @@ TURN = 7.0
 """How far from home a joint may be, in robot sizes and radians: a little more than a turn."""
 GENERATIONS = 5
 """How often a state has been displaced, at most."""
+DETOURS = 30
+"""Other poses over which a way from home is looked for, where the straight one leaves the workspace."""
 AGREEMENT = 1e-11
 """Share of efforts by which they may differ at states where no digits are lost: a thousand operations in a row."""
 
@@ -75,8 +77,8 @@ class Found:
     """Counts of states.
 
     `other` are those that kernels find on the branch of home where the drawn one lies on another, `refused` those that
-    have no right to an answer: singular, or out of reach of home for the verbs of one state as well. `bold` are answers
-    where these have none. What must not be: `missing`, refused though regular, and `wrong`.
+    have no right to an answer: singular, or out of reach of home for the verbs of one state as well. What must not be:
+    `missing`, refused though regular, `bold`, answers where the verbs of one state find no way, and `wrong`.
     """
 
     states: int = 0
@@ -153,6 +155,7 @@ class Mechanism:
         now, drawn = home, []
         for _ in range(GENERATIONS):
             now = displace(now, rng.uniform(-SPREAD, SPREAD, (len(now), chain.nv)) * chain.tangent_scale)[0]
+            left = np.full((len(now), 1), np.inf)
             for _ in range(8):
                 now, _, _, _, left = project(now, still)
             closed = (left[:, 0] <= 1e-13) & (displace(now, still)[1][:, 0] == 0)
@@ -213,7 +216,7 @@ def examine(
     motion = kernels.forward_dynamics(given[0], given[1], tau, status=back)
     both = agree & (back == StateStatus.OK)
     number.undone = _undone(chain, coordinates, motion[both], given[2][both])
-    judge = Judge(kernels, coordinates, states, tau, allowed)
+    judge = Judge(kernels, coordinates, states, tau, allowed, rng)
     for k in _some(np.flatnonzero(agree), judged, rng):
         if judge.of(k) != "right":
             number.wrong += judge.last == "wrong"
@@ -281,8 +284,10 @@ class Judge:
         states: States,
         tau: np.ndarray,
         allowed: np.ndarray,
+        rng: np.random.Generator,
     ) -> None:
         chain = kernels.chain
+        self._rng = rng
         self._given = (chain, coordinates, states, tau, allowed)
         self._kernels = kernels
         # From a singular home, where branches meet, any of them will do: that which the kernels took.
@@ -324,9 +329,27 @@ class Judge:
                 moving = rate.any() or acceleration.any()
                 return chain.at(closure.q, v, here.G @ acceleration + gamma if moving else 0 * v)
             pose, still = pin.XYZQUATToSE3(place), np.zeros(chain.nv)
+            q = self._configuration(pose, guess)
+            if q is None:
+                return None
             if not rate.any() and not acceleration.any():
-                closure = stp.inverse_kinematics(chain, pose, q_guess=guess, limits=False, throw=False)
-                return chain.at(closure.q, still, still) if closure.success else None
-            return stp.platform_motion(chain, pose, rate, acceleration, q_guess=guess, limits=False)
+                return chain.at(q, still, still)
+            return stp.platform_motion(chain, pose, rate, acceleration, q_guess=q, limits=False)
         except (ClosureError, SingularityError):
             return None
+
+    def _configuration(self, pose: pin.SE3, guess: np.ndarray | None) -> np.ndarray | None:
+        """Find the configuration of a pose; where legs with closed forms have one, by a detour at least."""
+        chain, states = self._kernels.chain, self._given[2]
+        closure = stp.inverse_kinematics(chain, pose, q_guess=guess, limits=False, throw=False)
+        if closure.success or not self._kernels.by_legs:
+            return closure.q if closure.success else None
+        assert states.pose is not None
+        for k in self._rng.choice(len(states), DETOURS):
+            over = pin.XYZQUATToSE3(states.pose[k])
+            first = stp.inverse_kinematics(chain, over, q_guess=guess, limits=False, throw=False)
+            if first.success:
+                closure = stp.inverse_kinematics(chain, pose, q_guess=first.q, limits=False, throw=False)
+                if closure.success:
+                    return closure.q
+        return None

@@ -43,6 +43,13 @@ def test_a_system_known_to_be_regular_keeps_its_smallest_column(rng: np.random.G
     assert plan_pivots(values, [0, 1, 2, 3], nothing=0.0).columns == ()
 
 
+def test_where_all_is_round_off_a_known_rank_finds_no_pivot(rng: np.random.Generator) -> None:
+    """Rows that repeat others leave nothing but round-off: in no unit of their own is it small."""
+    values = 1e-17 * rng.uniform(-1.0, 1.0, (8, 5, 4))
+    assert plan_pivots(values, [0, 1, 2, 3], rank=0).places == ()
+    assert len(plan_pivots(samples(rng, tiny=1.0, noise=1.0), [0, 1, 2, 3], rank=3).places) == 3
+
+
 def test_elimination_solves(rng: np.random.Generator) -> None:
     values = rng.uniform(-1, 1, (6, 4, 4))
     matrix, right = ca.SX.sym("m", 4, 4), ca.SX.sym("r", 4, 2)

@@ -10,36 +10,33 @@ import stewart_pin as stp
 from tests.kernels.everywhere import COORDINATES, Coordinates, Mechanism, examine
 from tests.zoo.table import REFUSED
 
-QUICK = ("planetary_gear", "lever_on_a_cylinder", "triple_rocker", "wedge", "five_bar")
+QUICK = ("planetary_gear", "lever_on_a_cylinder", "triple_rocker", "wedge", "five_bar", "door_on_two_hinges")
 SLOW = (
-    "delta",
-    "hexapod_rss",
-    "rpr_planar",
-    "four_bar",
-    "stewart",
-    "spherical_4r",
-    "slider_crank",
-    "bennett",
+    *(name for name in stp.robots() if name not in QUICK),
+    *("tricept", "tripod_3rps", "planar_3rrr", "five_bar_prrrp", "schoenflies_4puu", "exechon"),
+    *("spherical_4r", "spherical_5r", "agile_eye", "cardan_shaft", "bevel_differential", "rssr", "rccc"),
+    *("watt_six_bar", "stephenson_six_bar", "slider_crank", "scissor_lift", "screw_jack"),
+    *("bennett", "goldberg_5r", "sarrus"),
 )
-"""Hinges, balls, slides and gears; redundant rows and overconstrained loops; one motor to six.
-``python -m tests.benchmarks.everywhere`` has all bundled robots and the whole zoo, with 1e5 states of each."""
-REFUSING = pytest.mark.xfail(
+"""Every bundled robot; hinges, balls, slides, cylinders, screws and gears; redundant rows and overconstrained loops;
+one motor to seven. ``python -m tests.benchmarks.everywhere`` has the whole zoo, with 1e5 states of each."""
+UNDECIDED = pytest.mark.xfail(
     strict=True,
-    reason="of three thousand poses one, which the verbs of one state reach, is refused as BRANCH_LOST",
+    reason="one of 249 motor positions is answered where the verbs of one state end at a singularity; not yet decided",
 )
 NAMES = [
     *QUICK,
-    *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW),
-    pytest.param("scissor_lift", marks=[pytest.mark.slow, REFUSING]),
+    *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW if name != "tripod_3rps"),
+    pytest.param("tripod_3rps", marks=[pytest.mark.slow, UNDECIDED]),
 ]
-JUDGED = {True: 8, False: 20}
-"""States of each kind that the verbs of one state judge, in quick and in slow tests."""
+STATES, JUDGED = {True: 800, False: 250}, {True: 8, False: 4}
+"""States of quick and slow tests, and those of each kind that the verbs of one state judge: compiling takes longest."""
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_kernels_answer_everywhere(name: str, rng: np.random.Generator) -> None:
     quick = name in QUICK
-    mechanism, count = Mechanism(name), 800 if quick else 3000
+    mechanism, count = Mechanism(name), STATES[quick]
     idle = bool(mechanism.chain.generic.count.idle)
     states = mechanism.draw(count, rng)
     # Motors and platform say nothing of how idle freedoms move: at rest nothing depends on them.
@@ -52,7 +49,7 @@ def test_kernels_answer_everywhere(name: str, rng: np.random.Generator) -> None:
         if found is None:
             assert (coordinates, name) in REFUSED or (coordinates, name) == ("platform", "arm_7r")
             continue
-        assert found.wrong == 0 and found.missing == 0, (coordinates, found)
+        assert found.wrong == 0 and found.missing == 0 and found.bold == 0, (coordinates, found)
         # An arm turns about singularities: half of what it can take it reaches on no straight way from home.
         assert found.answered > 0.4 * found.states, (coordinates, found)
         # Accelerations go through the inverse of the inertia, and through the configuration twice.

@@ -12,7 +12,13 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.kernels.compile_function import compile_function
-from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step, stretch_step
+from stewart_pin.kernels.graph.newton_steps import (
+    NewtonEquations,
+    any_direction,
+    damped_step,
+    double_step,
+    stretch_step,
+)
 from stewart_pin.kernels.graph.platform_dynamics import place_platform
 from stewart_pin.kernels.graph.platform_kinematics import pose_equations
 from stewart_pin.kernels.planning.plan import plan_platform
@@ -29,7 +35,7 @@ def square_roots() -> NewtonEquations:
     x, target = ca.SX.sym("x"), ca.SX.sym("target")
     gap = target - x * x
     return NewtonEquations(
-        x, target, gap, gap, lambda g: g / (2 * x), lambda x, step: x + step, np.ones(1), x
+        x, target, gap, gap, lambda g: g / (2 * x), lambda x, step: x + step, np.ones(1), x, np.ones(1)
     )
 
 
@@ -92,7 +98,9 @@ def arctangents() -> NewtonEquations:
     x, target = ca.SX.sym("x"), ca.SX.sym("target")
     gap = target - ca.atan(x)
     close = lambda g: g * (1 + x * x)  # noqa: E731
-    return NewtonEquations(x, target, gap, gap, close, lambda x, step: x + step, np.ones(1), ca.SX(1))
+    return NewtonEquations(
+        x, target, gap, gap, close, lambda x, step: x + step, np.ones(1), ca.SX(1), np.ones(1)
+    )
 
 
 def test_a_trial_is_accepted_or_made_shorter() -> None:
@@ -152,7 +160,7 @@ def test_a_gap_that_is_partly_no_number_is_not_closed() -> None:
     gap = target - x
     size = ca.vertcat(gap, ca.sqrt(x - 2))  # no number below 2, zero at 2
     equations = NewtonEquations(
-        x, target, gap, size, lambda g: g, lambda x, step: x + step, np.ones(1), ca.SX(1)
+        x, target, gap, size, lambda g: g, lambda x, step: x + step, np.ones(1), ca.SX(1), np.ones(1)
     )
     solved = solve(equations, np.positive, np.array([[2.5], [2.5]]), np.array([[1.0], [2.0]]))
     assert solved.closed.tolist() == [False, True]
@@ -163,7 +171,9 @@ def test_a_branch_is_kept_or_said_to_be_lost() -> None:
     x, target = ca.SX.sym("x"), ca.SX.sym("target")
     gap = target - (x * x * x - 3 * x)
     close = lambda g: g / (3 * x * x - 3)  # noqa: E731
-    equations = NewtonEquations(x, target, gap, gap, close, lambda x, step: x + step, np.ones(1), x * x - 1)
+    equations = NewtonEquations(
+        x, target, gap, gap, close, lambda x, step: x + step, np.ones(1), x * x - 1, np.ones(1)
+    )
     wanted = np.linspace(-4.0, 40.0, 400)[:, None]
     solved = solve(equations, lambda x: x**3 - 3 * x, np.full((400, 1), 1.1), wanted)
     roots = np.array([np.real(np.roots([1, 0, -3, -t])).max() for t in wanted[:, 0]])
@@ -172,6 +182,21 @@ def test_a_branch_is_kept_or_said_to_be_lost() -> None:
     np.testing.assert_allclose(solved.states[beyond, 0], roots[beyond], rtol=1e-9)
     # Another root, beyond the fold, is found by damped steps, and not taken for one of this branch.
     assert solved.closed[~beyond].any()
+
+
+def test_two_singularities_at_once_end_a_branch() -> None:
+    """Of x z = y z = 0, z = target: at z = 0 x and y are both free, and the determinant z² keeps its sign."""
+    state, target = ca.SX.sym("state", 3), ca.SX.sym("target")
+    x, y, z = ca.vertsplit(state)
+    gap = ca.vertcat(-x * z, -y * z, target - z)
+    close = lambda g: ca.vertcat((g[0] - x * g[2]) / z, (g[1] - y * g[2]) / z, g[2])  # noqa: E731
+    sizes = np.ones(3)
+    equations = NewtonEquations(
+        state, target, gap, gap, close, lambda x, step: x + step, sizes, z * z, any_direction(sizes)
+    )
+    wanted = np.array([[0.2], [0.01], [-0.01], [-0.3], [-1.0], [-7.0], [5.0]])
+    solved = solve(equations, lambda q: q[:, 2:], np.tile([0.0, 0.0, 1.0], (len(wanted), 1)), wanted)
+    np.testing.assert_array_equal(solved.kept, wanted[:, 0] > 0)
 
 
 def test_motors_that_turn_count_modulo_a_turn() -> None:

@@ -49,7 +49,7 @@ def case(request: pytest.FixtureRequest, chain: stp.ClosedChain, rng: np.random.
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Take two poses of each mechanism of the zoo, a generic one and one next to a singularity; home is drawn at zero."""
+    """Ask the mechanisms of the zoo at a generic pose and next to a singularity only."""
     told = [(item, getattr(getattr(item, "callspec", None), "params", {})) for item in items]
     zoo = {row.name for row in ZOO}
     left = [item for item, p in told if p.get("chain") in zoo and p.get("case") in ("home", "symmetric")]

@@ -19,6 +19,9 @@ from stewart_pin.kernels.planning.elimination import Elimination
 from stewart_pin.kernels.planning.pivots import plan_pivots
 from stewart_pin.typing import FloatArray
 
+_NOTHING = 1e-6
+"""Size, in robot sizes and radians, of what printed digits may leave of entries that vanish; a thousand times that is
+no state at which they do."""
 _SMALL = 1e-3
 """Pivots of ordinary robots are larger, relative to the largest entry of their matrix."""
 
@@ -117,4 +120,8 @@ def _smallest(reduced: Sequence[Elimination], usually: Callable[[ca.SX], FloatAr
         for pivot, size in zip(pivots, usual, strict=True)
         if not pivot.is_constant()
     ]
+    entries = [entry for one in reduced for entry in one.nothing if not entry.is_constant()]
+    if entries:
+        # Where loops have come together in another way than around home, what is nothing there is something.
+        ratios.append(_NOTHING**2 / ca.fmax(ca.sumsqr(ca.vertcat(*entries)), _NOTHING**2))
     return functools.reduce(ca.fmin, ratios) if ratios else ca.SX(1)

@@ -7,7 +7,7 @@ what drives, by one elimination with pivots chosen on samples. Idle freedoms get
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -17,7 +17,7 @@ import numpy as np
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.loop_gaps import loop_gaps, opposed_axes
-from stewart_pin.kernels.graph.newton_steps import NewtonEquations
+from stewart_pin.kernels.graph.newton_steps import Approach, NewtonEquations, any_direction
 from stewart_pin.kernels.graph.platform_frame import platform_bias, platform_columns, platform_placement
 from stewart_pin.kernels.graph.quaternions import turned_by_small
 from stewart_pin.kernels.graph.whole_tree import (
@@ -32,6 +32,7 @@ from stewart_pin.kernels.planning.pivots import plan_pivots
 from stewart_pin.kernels.planning.spatial import constant, turn_from_quaternion
 from stewart_pin.kernels.planning.tree import Tree
 from stewart_pin.model.description import JointKind
+from stewart_pin.typing import FloatArray
 
 Coordinates = Literal["platform", "motor"]
 _INFEASIBLE = 1e-9
@@ -61,6 +62,11 @@ class DrivenTree:
     drive: ca.SX
     reduced: Elimination
     idle: ca.SX
+
+    @property
+    def surplus(self) -> bool:
+        """Whether rows of the drive follow from the others: then not every demand is within reach."""
+        return bool(_dropped(self))
 
     @property
     def determined(self) -> int:
@@ -94,8 +100,11 @@ def drive_tree(closed: ClosedTree, coordinates: Coordinates) -> DrivenTree:
     drive = on_platform if coordinates == "platform" else motors
     sizes = np.repeat([chain.length_scale, 1.0], 3) if coordinates == "platform" else _motor_sizes(closed)
     matrix = ca.horzcat(closed.columns.transpose, drive)
-    values = closed.values(matrix) * chain.tangent_scale[:, None] / np.concatenate([chain.row_sizes, sizes])
-    reduced = Elimination(matrix, plan_pivots(values, list(range(matrix.shape[1]))))
+    scale = chain.tangent_scale[:, None] / np.concatenate([chain.row_sizes, sizes])
+    values = closed.values(matrix) * scale
+    count = chain.generic.count
+    rank = chain.generic.rank + (count.platform if coordinates == "platform" else count.motor)
+    reduced = Elimination(matrix, plan_pivots(values, list(range(matrix.shape[1])), rank=rank), scale)
     idle = reduced.forward(ca.SX.eye(tree.nv))[list(reduced.pivots.rows), :].T
     seen = np.abs(closed.values(ca.horzcat(on_platform, motors).T @ idle)).max(initial=0.0)
     if seen > _INFEASIBLE * max(1.0, chain.length_scale):
@@ -323,11 +332,12 @@ def closing_equations(driven: DrivenTree) -> NewtonEquations:
         move=lambda q, step: integrated(tree, q, step),
         sizes=chain.tangent_scale,
         determinant=driven.reduced.determinant(closed.usual),
-        approach=_approach(driven, sizes) if _dropped(driven) else None,
+        direction=_beside(closed, driven.reduced.pivots.rows),
+        approach=_approach(driven, sizes) if driven.surplus else None,
     )
 
 
-def _approach(driven: DrivenTree, sizes: np.ndarray) -> Callable[[ca.SX], ca.SX]:
+def _approach(driven: DrivenTree, sizes: np.ndarray) -> Approach:
     """Close the loops, and come as near to a demand as can be in all the rows of the drive; idle motions at rest."""
     closed, nc = driven.closed, driven.closed.tree.nc
     share = constant(np.diag(1 / sizes)) @ (driven.drive.T @ closed.motions)
@@ -340,7 +350,28 @@ def _approach(driven: DrivenTree, sizes: np.ndarray) -> Callable[[ca.SX], ca.SX]
         steps, _, _ = solve_symmetric(square, -(share.T @ left), values)
         return across + closed.motions @ ca.vertcat(*steps)
 
-    return close
+    scale, both = closed.chain.tangent_scale, 1 / np.concatenate([closed.chain.row_sizes, sizes])
+    rows = (
+        constant(np.diag(both))
+        @ ca.horzcat(closed.columns.transpose, driven.drive).T
+        @ constant(np.diag(scale))
+    )
+    normal = rows.T @ rows
+    sampled = closed.values(normal)
+
+    def fit(rates: ca.SX) -> ca.SX:
+        found, _, _ = solve_symmetric(normal, rows.T @ (constant(both) * rates), sampled)
+        return constant(scale) * ca.vertcat(*found)
+
+    _, idle, _ = solve_symmetric(normal, ca.SX.zeros(normal.shape[0]), sampled)
+    return Approach(close, fit, _beside(closed, idle))
+
+
+def _beside(closed: ClosedTree, rows: Sequence[int]) -> FloatArray:
+    """Draw a displacement that leaves coordinates at rest."""
+    direction = any_direction(closed.chain.tangent_scale)
+    direction[list(rows)] = 0.0
+    return direction
 
 
 def _dropped(driven: DrivenTree) -> list[int]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.planning.spatial import constant
@@ -21,8 +22,30 @@ _FAR = 2.4
 """Moves by which a state goes without a change of branch, to which a contraction of one belongs: sines are straight
 for 0.6 radians, and a quarter is what a contraction may be."""
 _HUGE = 1e300
+_CHANGED = 0.5
+"""Change of the matrix, relative to itself, from which on a singularity may lie between two states: at one it is 1."""
 _SMALLEST_SHARE = 1e-4
 """Share of Newton's step below which a search is given up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """How a state comes as near as can be to a target that need not be within reach.
+
+    Attributes
+    ----------
+    close
+        Gives the displacement that does it to the first order, from a gap, all at the symbolic state.
+    fit
+        Gives the displacement that has certain rates of the gap, as nearly as can be in all its entries: where loops
+        lose a row, what is asked for may still tell how they go on.
+    direction
+        (j,) a displacement that it may give, with no other direction special than those that it cannot [m or rad].
+    """
+
+    close: Callable[[ca.SX], ca.SX]
+    fit: Callable[[ca.SX], ca.SX]
+    direction: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +68,10 @@ class NewtonEquations:
         (j,) natural size of each entry of a displacement [m or rad].
     determinant
         (1, 1) changes its sign at singularities.
+    direction
+        (j,) a displacement that `close` may give, as in `Approach` [m or rad].
     approach
-        As `close`, for targets that need not be within reach: comes as near as can be. None where `close` does.
+        For targets that need not be within reach; None where `close` does.
     """
 
     state: ca.SX
@@ -57,7 +82,8 @@ class NewtonEquations:
     move: Callable[[ca.SX, ca.SX], ca.SX]
     sizes: FloatArray
     determinant: ca.SX
-    approach: Callable[[ca.SX], ca.SX] | None = None
+    direction: FloatArray
+    approach: Approach | None = None
 
 
 def damped_step(name: str, equations: NewtonEquations) -> ca.Function:
@@ -167,7 +193,8 @@ def stretch_step(name: str, equations: NewtonEquations) -> ca.Function:
 
     What is solved for has closed where the moves end: a pose between two that a platform of few freedoms can take is
     none that it can take. It is approached in all its entries, as the verbs of one state do: of those that the pivots
-    stand for, one may turn back, as a crank's height does, and no step would be left to take.
+    stand for, one may turn back, as a crank's height does, and no step would be left to take. Two singularities that
+    are passed at once leave the sign of the determinant: it is also seen how the matrix changes by the first move.
 
     Parameters
     ----------
@@ -182,18 +209,20 @@ def stretch_step(name: str, equations: NewtonEquations) -> ca.Function:
         As `double_step`; the gap is the second move, and where that is to come as near as can be both moves have a
         matrix of their own.
     """
-    e = equations
-    if e.approach is None:
-        return double_step(name, replace(e, size=e.close(e.gap) / constant(e.sizes)))
+    e, near = equations, equations.approach
+    close, side = (e.close, e.determinant) if near is None else (near.close, ca.SX(1))
+    fit = (lambda rates: -e.close(rates)) if near is None else near.fit
     worst = ca.SX.sym("contraction")
-    step = ca.Function("step", [e.state, e.target], [e.approach(e.gap), e.determinant])
-    first, side = step.call([e.state, e.target])
+    first = close(e.gap)
     between = e.move(e.state, first)
+    measured = ca.Function("gap", [e.state, e.target], [e.gap, side, close(e.gap)])
+    gap, other_side, own = measured.call([between, e.target])
     # What is out of reach leaves a gap that the matrix of the first move does not see.
-    second, other_side = step.call([between, e.target])
+    second = close(gap) if near is None else own
     one, two = (ca.norm_inf(x / constant(e.sizes)) for x in (first, second))
     contraction = ca.fmax(ca.fmax(two / (one + _ROUND_OFF), one / _FAR), _TINY)
     turned = ca.logic_or(worst * side < 0, side * other_side < 0)
+    turned = ca.logic_or(turned, _changed(e, between, fit, (e if near is None else near).direction))
     return shared(
         name,
         {"state": e.state, "target": e.target, "contraction": worst},
@@ -203,3 +232,44 @@ def stretch_step(name: str, equations: NewtonEquations) -> ca.Function:
             "largest": ca.if_else(turned, 1, ca.copysign(ca.fmax(ca.fabs(worst), contraction), side)),
         },
     )
+
+
+def _changed(e: NewtonEquations, other: ca.SX, fit: Callable[[ca.SX], ca.SX], direction: FloatArray) -> ca.SX:
+    """Whether the matrix at another state is so different that a singularity may lie on the way there.
+
+    With M the matrix here and M' that there, C = M⁻¹ M' - 1 has an eigenvalue beyond -1 for every singularity on the
+    way. Applied twice to any direction it shows the largest one, others being small as the way is short.
+    """
+    along, eps = ca.SX.sym("along", len(e.sizes)), ca.SX.sym("eps")
+    gap = ca.Function("gap", [e.state, e.target], [e.gap])
+    moved = ca.jacobian(gap.call([e.move(e.state, eps * along), e.target])[0], eps)
+    rates = ca.Function("rates", [e.state, e.target, along], [ca.substitute(moved, eps, ca.SX(0))])
+
+    def change(x: ca.SX) -> ca.SX:
+        return fit(rates.call([other, e.target, x])[0]) - x
+
+    once = change(constant(direction))
+    twice = change(once)
+    square, before = (ca.sumsqr(x / constant(e.sizes)) for x in (twice, once))
+    least = _ROUND_OFF**2 * float(np.sum((direction / e.sizes) ** 2))
+    return ca.logic_and(square > _CHANGED**2 * before, before > least)
+
+
+def any_direction(sizes: FloatArray, basis: FloatArray | None = None) -> FloatArray:
+    """Draw a displacement.
+
+    Parameters
+    ----------
+    sizes
+        (j,) natural size of each entry [m or rad].
+    basis
+        (j, k) of the displacements that there are, in natural units; None for all, dimensionless.
+
+    Returns
+    -------
+    numpy.ndarray
+        (j,) always the same [m or rad].
+    """
+    rng = np.random.default_rng(0)
+    entries = rng.normal(size=len(sizes)) if basis is None else basis @ rng.normal(size=basis.shape[1])
+    return sizes * entries

@@ -110,10 +110,25 @@ class PlacedPlatform:
             twists = self.plan.twists / np.repeat([self.plan.chain.length_scale, 1.0], 3)[:, None]
             beside = constant(np.eye(6) - twists @ np.linalg.pinv(twists))
             left += [ca.norm_inf(beside @ (m / size)) / (1 + ca.norm_inf(m / size)) for m in motions]
+            left += self._turned_aside()
         worst = ca.SX(0)
         for value in left:
             worst = ca.fmax(worst, value)
         return {"infeasible": worst} if left else {}
+
+    def _turned_aside(self) -> list[ca.SX]:
+        """Sine of half the angle by which the platform has turned about axes about which it does not turn.
+
+        Legs may close there too, where it came in another way than that of home and has other twists.
+        """
+        axes, s, _ = np.linalg.svd(self.plan.twists[3:])
+        turns = int(np.count_nonzero(s > 1e-6))
+        if turns > 1:  # about two axes one turns about all
+            return []
+        x, y, z, w = self.plan.poses[0, 3:]
+        # Vector part of the pose's quaternion times the conjugate of that at a sample.
+        vector = constant(np.array([[w, -z, y, -x], [z, w, -x, -y], [-y, x, w, -z]])) @ self.pose[3:]
+        return [ca.fabs(constant(axis).T @ vector) for axis in axes[:, turns:].T]
 
     def project(self, wrenches: ca.SX) -> ca.SX:
         """Keep of wrenches what works on the twists that the platform can do.

@@ -9,7 +9,7 @@ import numpy as np
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.functions import shared
-from stewart_pin.kernels.graph.newton_steps import NewtonEquations
+from stewart_pin.kernels.graph.newton_steps import NewtonEquations, any_direction
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
 from stewart_pin.kernels.graph.quaternions import turned_by_small
 from stewart_pin.kernels.graph.squared_lengths import MotorEquations, squared_lengths
@@ -129,6 +129,7 @@ def pose_equations(placed: PlacedPlatform) -> NewtonEquations:
         return constant(twists) @ reduced.solve(gap if weighted is None else weighted @ gap)
 
     beside = [*beside, *placed.infeasible().values()]
+    natural = np.repeat([placed.plan.chain.length_scale, 1.0], 3)
     return NewtonEquations(
         state=placed.pose,
         target=q_motor,
@@ -136,8 +137,9 @@ def pose_equations(placed: PlacedPlatform) -> NewtonEquations:
         size=ca.sum1(ca.fabs(ca.vertcat(gap / constant(size), *beside))),
         close=close,
         move=_moved,
-        sizes=np.repeat([placed.plan.chain.length_scale, 1.0], 3),
+        sizes=natural,
         determinant=reduced.determinant(placed.usual),
+        direction=any_direction(natural, twists / natural[:, None] * placed.twist_scale),
     )
 
 

@@ -18,7 +18,7 @@ from stewart_pin.kernels.graph.joint_efforts import tree_efforts
 from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, joint_placement, motions, placements
 from stewart_pin.kernels.graph.loop_rows import LoopColumns, loop_bias, loop_columns
 from stewart_pin.kernels.planning.elimination import Elimination, solve_square, solve_symmetric
-from stewart_pin.kernels.planning.pivots import Pivots, plan_pivots
+from stewart_pin.kernels.planning.pivots import REGULAR, Pivots, plan_pivots
 from stewart_pin.kernels.planning.samples import at_samples, pivot_samples
 from stewart_pin.kernels.planning.spatial import constant
 from stewart_pin.kernels.planning.tree import Tree, tree_of
@@ -76,11 +76,12 @@ class ClosedTree:
         numpy.ndarray
             (n,) medians, in the same units.
         """
-        found = [
+        here, home = (
             np.median(np.abs(at_samples([self.q], [samples], pivots)), axis=0).ravel()
             for samples in (self.samples, self.around_home)
-        ]
-        return np.maximum(*found)
+        )
+        # By these pivots home may be singular, and what is divided by others has no size there.
+        return np.where(home <= here / REGULAR, np.maximum(here, home), here)
 
     def values(self, matrix: ca.SX) -> FloatArray:
         """Evaluate a matrix of the configuration at the samples.
@@ -135,9 +136,10 @@ def close_tree(
     around_home = pivot_samples(chain)
     samples = around_home if around is None else pivot_samples(chain, around)
     values = at_samples([q], [samples], columns.transpose)
-    values = values * chain.tangent_scale[:, None] / chain.row_sizes
-    pivots: Pivots = plan_pivots(values, list(range(tree.nc)))
-    reduced = Elimination(columns.transpose, pivots)
+    scale = chain.tangent_scale[:, None] / chain.row_sizes
+    values = values * scale
+    pivots: Pivots = plan_pivots(values, list(range(tree.nc)), rank=chain.generic.rank)
+    reduced = Elimination(columns.transpose, pivots, scale)
     free = reduced.forward(ca.SX.eye(tree.nv))[list(pivots.rows), :].T
     return ClosedTree(chain, tree, q, at, columns, reduced, free, samples, around_home)
 

@@ -24,10 +24,15 @@ class Elimination:
         (m, n) expressions.
     pivots
         Order of elimination.
+    scale
+        (m, n) by which entries become dimensionless; None where it is not asked what becomes of `nothing`.
     """
 
-    def __init__(self, matrix: ca.SX, pivots: Pivots) -> None:
+    def __init__(self, matrix: ca.SX, pivots: Pivots, scale: FloatArray | None = None) -> None:
         self.pivots = pivots
+        self._scale = scale
+        self.nothing: list[ca.SX] = []
+        """What was taken for zero because it vanishes at all samples, dimensionless."""
         self.rows = rows_of(matrix)
         self.factors: list[list[tuple[int, ca.SX]]] = []
         left = set(range(matrix.shape[0]))
@@ -46,8 +51,10 @@ class Elimination:
             self.factors.append(factors)
 
     def _drop(self, places: frozenset[tuple[int, int]]) -> None:
-        for r, c in places:
-            self.rows[r].pop(c, None)
+        for r, c in sorted(places):
+            entry = self.rows[r].pop(c, None)
+            if entry is not None and self._scale is not None:
+                self.nothing.append(entry * float(self._scale[r, c]))
 
     def pivot_expressions(self) -> list[ca.SX]:
         """List what is divided by.

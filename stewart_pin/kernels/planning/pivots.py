@@ -18,6 +18,9 @@ ZERO = 1e-11
 _NOTHING = 1e-9
 """So are those below this, relative to the largest of all: what ill-conditioned loops make of gaps of 1e-12, at which
 samples count as closed."""
+REGULAR = 1e-2
+"""Share of the usual regularity that states have around which pivots are chosen: elsewhere pivots are not larger by
+more than its inverse, unless by round-off."""
 _SAFE = 0.1
 """Share of the largest entry of its column that a pivot must have at every sample, where some entry has."""
 
@@ -59,6 +62,7 @@ def plan_pivots(
     *,
     last_rows: tuple[int, ...] = (),
     nothing: float = _NOTHING,
+    rank: int | None = None,
 ) -> Pivots:
     """Choose pivots.
 
@@ -72,6 +76,8 @@ def plan_pivots(
         Rows to be used only where no other will do.
     nothing
         Size relative to the largest entry below which an entry is round-off; 0 where the system is known to be regular.
+    rank
+        Number of independent columns, where it is known: what lies beyond is round-off, though it be all there is.
 
     Returns
     -------
@@ -85,7 +91,7 @@ def plan_pivots(
     rows, left = list(range(values.shape[1])), list(columns)
     choice = _rank(values[:, :, columns]) < len(columns)
     places, dropped, sizes, score = [], [], [], np.inf
-    while left and rows:
+    while left and rows and (rank is None or len(places) < rank):
         occupied = np.abs(work).max(axis=0) > 0
         best, quality = _next_pivot(work, occupied, rows, left, set(last_rows), choice=choice)
         if best is None:

@@ -275,7 +275,7 @@ class Caller:
         rows = np.flatnonzero(~solved.kept & np.isfinite(np.asarray(inputs[0])).all(axis=1))
         if not len(rows):
             return solved
-        taken = [np.asarray(x)[rows] if np.ndim(x) > 1 else np.asarray(x) for x in inputs]
+        taken = [_rows_of(x, rows) for x in inputs]
         status = np.zeros(len(rows), dtype=np.int8)
         graded: Any = np.zeros(len(rows), dtype=self._dtype)
         conditioning: FloatArray | None = None if places.conditioning is None else graded
@@ -312,7 +312,7 @@ class Caller:
         rows = np.flatnonzero(codes == StateStatus.SINGULAR)
         if not len(rows):
             return
-        taken = [np.asarray(x)[rows] if np.ndim(x) > 1 else np.asarray(x) for x in inputs]
+        taken = [_rows_of(x, rows) for x in inputs]
         taken[0] = np.atleast_2d(taken[0])
         aims = None if targets is None else targets[rows]
         best, best_codes, known = self._best(name, taken, aims, None, 0, places.threads)
@@ -392,10 +392,8 @@ class Caller:
                 self._starts[state] = Starts(home[None], target[None])
             elif state == "pose":
                 self._starts[state] = Starts(beside, self._kernel("inverse_kinematics")(beside))
-            elif self.coordinates == "motor":
-                self._starts[state] = Starts(beside, beside[:, self.chain.motor_q_index])
             else:
-                self._starts[state] = Starts(beside, as_poses(*self._kernel("platform_pose")(beside)))
+                self._starts[state] = Starts(beside, self._met(beside))
         return self._starts[state]
 
     def _states(self, position: ArrayLike) -> tuple[FloatArray, bool]:
@@ -441,11 +439,25 @@ class Caller:
 
     def _plans(self, equations: str) -> Plans:
         """Give steps by all choices of pivots."""
+        met = None
+        if equations == "closing" and self._functions.driven.surplus:
+            met = self._met
+        elif equations == "motor_closing" and self._functions.motor_driven.surplus:
+            met = self._motors
         if equations == "forward_kinematics" or not self._functions.replanned:
-            return Plans(lambda: [self._steps(equations)])
+            return Plans(lambda: [self._steps(equations)], met=met)
         return Plans(
-            lambda: [one._steps(equations) for one in (self, *self._others)], self._others.around_one_of
+            lambda: [one._steps(equations) for one in (self, *self._others)], self._others.around_one_of, met
         )
+
+    def _met(self, states: FloatArray) -> FloatArray:
+        """Targets that configurations meet."""
+        if self.coordinates == "motor":
+            return self._motors(states)
+        return as_poses(*self._kernel("platform_pose")(states))
+
+    def _motors(self, states: FloatArray) -> FloatArray:
+        return states[:, self.chain.motor_q_index]
 
     def _takes_state(self, kernel: ArrayKernel) -> bool:
         """Whether a kernel takes what its verb is given, and no configuration that must be found first."""
@@ -462,6 +474,12 @@ class Caller:
                 function, bounds=bounds, dtype=self._dtype, engine=self._engine, matrices=derivatives
             )
         return self._kernels[name, graded, wary]
+
+
+def _rows_of(value: ArrayLike, rows: np.ndarray) -> np.ndarray:
+    """Pick states; one for all of them stays."""
+    array = np.asarray(value)
+    return array[rows] if array.ndim > 1 and len(array) > 1 else array
 
 
 def _without_last(values: tuple[FloatArray, ...]) -> Any:

@@ -65,10 +65,14 @@ class Plans:
     further
         Makes another choice, for one of the (k, n) states where no choice serves; says whether there is one. None
         where there is no choice.
+    met
+        Gives the (k, m) targets that (k, n) states meet, where what lies between two targets need not be within
+        reach; None where it is.
     """
 
     known: Callable[[], Sequence[NewtonSteps]]
     further: Callable[[FloatArray], bool] | None = None
+    met: Callable[[FloatArray], FloatArray] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,6 +286,7 @@ def _follow(
 ) -> tuple[FloatArray, BoolArray]:
     """Follow paths of targets, in stretches that are shortened where a branch might be lost."""
     state, share, length = start.copy(), np.zeros(len(start)), np.full(len(start), 0.5)
+    begin, done = start_target.copy(), np.zeros(len(start))
     for count in range(1, _STRETCHES + 1):
         under_way = share < 1.0
         on_the_way = np.flatnonzero(under_way & (length >= _SHORTEST))
@@ -294,20 +299,25 @@ def _follow(
         if not len(on_the_way):
             break
         reach = np.minimum(share[on_the_way] + length[on_the_way], 1.0)
-        aim = between(start_target[on_the_way], target[on_the_way], reach)
+        past = done[on_the_way]
+        aim = between(begin[on_the_way], target[on_the_way], (reach - past) / (1.0 - past))
         stretches = [steps.stretch() for steps in plans.known()]
         found, good = _by_any(stretches, state[on_the_way], aim, threads, _ON_THE_WAY)
         forward = on_the_way[good]
         state[forward], share[forward] = found[good], reach[good]
         length[forward] *= 2.0
         length[on_the_way[~good]] /= 4.0
+        again = forward[share[forward] < 1.0]
+        if plans.met is not None and len(again):
+            begin[again], done[again] = plans.met(state[again]), share[again]
     # The target itself, which has to be met in all its entries.
-    arrived = share >= 1.0
-    there = np.flatnonzero(arrived)
-    if len(there):
+    arrived = np.zeros(len(state), dtype=bool)
+    while len(there := np.flatnonzero((share >= 1.0) & ~arrived)):
         state[there], arrived[there] = _by_any(
             [steps.double for steps in plans.known()], state[there], target[there], threads
         )
+        if plans.further is None or arrived[there].all() or not plans.further(state[there[~arrived[there]]]):
+            break
     return state, arrived
 
 

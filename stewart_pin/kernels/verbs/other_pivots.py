@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
+from stewart_pin.kernels.planning.pivots import REGULAR
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.generic import regularity
 from stewart_pin.state.newton import close_loops
@@ -19,9 +20,9 @@ if TYPE_CHECKING:
 
 _MOST, _LOOKED_AT = 8, 8
 """Choices besides the usual one, and states that are looked at for another."""
-_BESIDE, _REGULAR = 1e-3, 1e-2
-"""How far a state that is looked at may be from closed loops, and the share of the usual regularity it must have: where
-pivots are judged by the states around which they were chosen, these must be nothing special."""
+_BESIDE = 1e-3
+"""How far a state that is looked at may be from closed loops. It must be `REGULAR`: where pivots are judged by the
+states around which they were chosen, these must be nothing special."""
 _BETTER = 10.0
 """How much more regular than the best choice so far makes of it a state must be, for another choice to be worth it."""
 
@@ -79,7 +80,7 @@ class OtherPivots(Generic[Kernels]):
             found = 0.0 if served is None else float(np.nan_to_num(served[k]))
             # On the way of a platform motors may stand at a dead centre.
             motors = served is not None or self._functions.coordinates != "platform"
-            q = _regular(self._functions.chain, states[k], max(_REGULAR, _BETTER * found), motors=motors)
+            q = _regular(self._functions.chain, states[k], max(REGULAR, _BETTER * found), motors=motors)
             if q is None:
                 continue
             try:
