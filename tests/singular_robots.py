@@ -47,6 +47,28 @@ def three_upu(base: float, platform: float, height: float = 1.0) -> stp.ClosedCh
     return build_chain(Mechanism("three_upu", *parts, platform="platform", home=home))
 
 
+def in_line() -> stp.ClosedChain:
+    """Build a five-bar in a vertical plane whose distal links lie in line at home: type II."""
+    knee, far = np.array([-0.2, 0.6, 0.0]), np.array([0.2, 0.6, 0.0])
+    links = (
+        Link("ground"),
+        Link("left", pin.Inertia(1.0, knee / 2, 0.01 * np.eye(3))),
+        Link("tip", pin.Inertia(1.0, 0.25 * X, 0.01 * np.eye(3))),
+        Link("right", pin.Inertia(1.0, far / 2, 0.01 * np.eye(3))),
+        Link("other", pin.Inertia(1.0, -0.25 * X, 0.01 * np.eye(3))),
+    )
+    joints = (
+        Joint("left_hip", R, "ground", "left", at(-0.3), Z, independent=True),
+        Joint("left_knee", R, "left", "tip", pin.SE3(np.eye(3), knee), Z),
+        Joint("right_hip", R, "ground", "right", at(0.3), Z, independent=True),
+        Joint("right_knee", R, "right", "other", pin.SE3(np.eye(3), far), Z),
+    )
+    loop = Loop("pin", R, "tip", "other", at(0.5), at(-0.5), Z)
+    return build_chain(
+        Mechanism("in_line", links, joints, (loop,), platform="tip", gravity=np.array([0, -9.81, 0]))
+    )
+
+
 def moved(
     chain: stp.ClosedChain, x: float, y: float, z: float, guess: np.ndarray | None = None
 ) -> np.ndarray:

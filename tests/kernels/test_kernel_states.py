@@ -23,6 +23,7 @@ from tests.closed_states import (
     slow_but_for_few,
 )
 from tests.kernels.test_compile import kernels, platform_states
+from tests.singular_robots import in_line
 
 AGREE = 1e-10
 
@@ -206,3 +207,14 @@ def test_configuration_chart_follows_the_tangent(rng: np.random.Generator) -> No
     v = rng.normal(size=chain.nv)
     slope = derivative(lambda t: pin.integrate(chain.model, q, t * v))
     close(np.array(chart(q)) @ v, slope, 1e-10)
+
+
+def test_a_singular_home_is_singular_in_motor_coordinates_too() -> None:
+    """Loops closed to round-off leave a five-bar with its distal links in line half of its digits off."""
+    many = stp.compile_kernels(in_line(), coordinates="motor")
+    inward = np.outer([0.0, 1e-13, 1e-7], [-1.0, 1.0])
+    status, rest = np.zeros(3, dtype=np.int8), np.zeros((3, 2))
+    found = many.inverse_dynamics(inward, rest, rest, status=status)
+    assert status.tolist() == [StateStatus.SINGULAR, StateStatus.SINGULAR, StateStatus.OK]
+    # Half the weights of the distal links, across a line that sags by the root of what the knees come closer.
+    assert np.isnan(found[:2]).all() and 5e3 < abs(found[2, 0]) < 7e3

@@ -468,7 +468,9 @@ class Caller:
         if (name, graded, wary) not in self._kernels:
             function = self.casadi(name)
             measure = self._measured(name)
-            function, bounds = judged(function, measure, self._dtype, graded=graded, wary=wary)
+            function, bounds = judged(
+                function, measure, self._dtype, graded=graded, wary=wary, found=self.coordinates == "motor"
+            )
             derivatives = [output for output in function.name_out() if output.startswith("by_")]
             self._kernels[name, graded, wary] = compile_function(
                 function, bounds=bounds, dtype=self._dtype, engine=self._engine, matrices=derivatives

@@ -17,12 +17,21 @@ round-off in single precision."""
 _REGULAR = {"f8": SINGULAR, "f4": 1e-4}
 """Conditioning below which a state is singular: where the one-state verbs say so; in single precision with three digits
 left."""
+_FOUND = {"f8": 1e-4, "f4": 1e-2}
+"""The same where the configuration was looked for with the motors held: loops closed to 1e-12 leave it 1e-12 / c off, and
+c itself a part 1e-12 / c² of its own; four digits are left. In single precision they close to 1e-6, and two are left."""
 POOR = 1e-2
 """Conditioning below which other pivots are tried."""
 
 
 def judged(
-    function: Any, measure: Any | None, dtype: np.dtype[Any], *, graded: bool = False, wary: bool = False
+    function: Any,
+    measure: Any | None,
+    dtype: np.dtype[Any],
+    *,
+    graded: bool = False,
+    wary: bool = False,
+    found: bool = False,
 ) -> tuple[Any, list[StateBound]]:
     """Add the outputs that judge a state.
 
@@ -38,6 +47,9 @@ def judged(
         Whether the conditioning is given back, as the last output, of singular states too; nan without a measure.
     wary
         Whether states that are `POOR` count as singular already, to be looked at again.
+    found
+        Whether the configuration was looked for with the motors held, and is known the less the nearer it is to a
+        singularity.
 
     Returns
     -------
@@ -58,7 +70,7 @@ def judged(
         bounds.append(StateBound("quaternion_square", 1 - UNIT, 1 + UNIT))
     if measure is not None:
         outputs["conditioning"] = measure.call(inputs[:1])[0]
-        least = POOR if wary else _REGULAR[kind]
+        least = POOR if wary else (_FOUND if found else _REGULAR)[kind]
         bounds.append(StateBound("conditioning", lower=least, code=StateStatus.SINGULAR, written=graded))
     results: Any = ca.cse(list(outputs.values()))
     return ca.Function(function.name(), inputs, results, function.name_in(), list(outputs)), bounds
