@@ -18,8 +18,9 @@ _REGULAR = {"f8": SINGULAR, "f4": 1e-4}
 """Conditioning below which a state is singular: where the one-state verbs say so; in single precision with three digits
 left."""
 _FOUND = {"f8": 1e-4, "f4": 1e-2}
-"""The same where the configuration was looked for with the motors held: loops closed to 1e-12 leave it 1e-12 / c off, and
-c itself a part 1e-12 / c² of its own; four digits are left. In single precision they close to 1e-6, and two are left."""
+"""The same where the configuration was looked for with the motors held. Loops closed to 1e-12 leave it 1e-12 / c off,
+and c itself a part 1e-12 / c² of its own: four digits are left. In single precision they close to 1e-6, and two are
+left."""
 POOR = 1e-2
 """Conditioning below which other pivots are tried."""
 
