@@ -113,7 +113,10 @@ def settle_printed(chain: ClosedChain, forgiven: float | Precision) -> ClosedCha
         settled = settle_home(chain)
     except MechanismError:
         near = near_home(printed, forgiven, searching=True)
-        moved = None if near is None else _absorbed(printed, near, places, forgiven)
+        try:
+            moved = None if near is None else _absorbed(printed, near, places, forgiven)
+        except _Undecided as undecided:
+            return _as_it_stands(chain, undecided)
         if moved is None:
             raise
         return moved
@@ -130,10 +133,8 @@ def _explained(precision: Precision, size: float, places: Sequence[_Place]) -> f
     return min(_COARSEST, _MARGIN * half_unit * np.sqrt(6 * max(1, len(places))))
 
 
-class _Undecided(MechanismError):
+class _Undecided(Exception):
     """By the digits of the file there are more freedoms than by its numbers, and no mechanism near that has them."""
-
-    finding = ""
 
 
 def _as_it_stands(chain: ClosedChain, undecided: _Undecided) -> ClosedChain:
@@ -141,12 +142,13 @@ def _as_it_stands(chain: ClosedChain, undecided: _Undecided) -> ClosedChain:
     try:
         settled = settle_home(chain)
     except MechanismError:
-        raise undecided from None
+        source = chain.mechanism.source
+        raise MechanismError(f"{undecided}; print more digits", path=source, culprit="loops") from None
     return _with_note(settled, undecided)
 
 
 def _with_note(chain: ClosedChain, undecided: _Undecided) -> ClosedChain:
-    note = Note("loops", f"{undecided.finding}; its numbers were taken as they stand", Outcome.KEPT)
+    note = Note("loops", f"{undecided}; its numbers were taken as they stand", Outcome.KEPT)
     return replace(chain, mechanism=replace(chain.mechanism, notes=(*chain.mechanism.notes, note)))
 
 
@@ -201,9 +203,7 @@ def _undecided(chain: ClosedChain, gap: float, values: FloatArray, why: str) -> 
         f"{values.max(initial=0.0):.2g}: by the digits of the file there are {freedoms} freedoms, by its numbers "
         f"fewer, and {why}"
     )
-    error = _Undecided(f"{finding}; print more digits", path=chain.mechanism.source, culprit="loops")
-    error.finding = finding
-    return error
+    return _Undecided(finding)
 
 
 class _Walk:
