@@ -157,19 +157,22 @@ class _Walker:
         # Both points in the motor's frame; the slide changes their distance along its axis only.
         apart = above[1].start - motor.placement.actInv(below[1].start)
         hinges = [above[1].start_axis, below[1].start_axis]
-        if hinges[0] is not None or hinges[1] is not None:
+        if hinges[0] is not None and hinges[1] is not None:
             apart = apart - self._along_hinges(motor, hinges[0], hinges[1], apart)
+        elif hinges[0] is not None or hinges[1] is not None:
+            link = (above if hinges[0] is not None else below)[0]
+            raise _no_leg(
+                motor.name, f"it turns about an axis of link '{link}', about a point at the other end"
+            )
         miss = float(np.linalg.norm(np.cross(motor.axis, apart)))
         if miss > self.tolerance:
             raise _no_leg(motor.name, f"its axis misses the line between the leg's ends by {miss:.3g} m")
         return below, above, apart
 
     def _along_hinges(
-        self, motor: Joint, above: FloatArray | None, below: FloatArray | None, apart: FloatArray
+        self, motor: Joint, above: FloatArray, below: FloatArray, apart: FloatArray
     ) -> FloatArray:
         """Find what lies along the two hinges of a leg in a plane, in the motor's frame."""
-        if above is None or below is None:
-            raise _no_leg(motor.name, "it turns about a point at one end, about an axis at the other")
         lower = motor.placement.rotation.T @ below
         if max(np.linalg.norm(np.cross(above, lower)), abs(above @ motor.axis)) > _PARALLEL:
             raise _no_leg(motor.name, "it turns about an axis at either end, but moves in no plane")

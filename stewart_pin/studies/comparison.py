@@ -103,9 +103,7 @@ def compare_methods(
     q = chain.q_home
     for k in range(len(samples)):
         states.append(
-            platform_motion(
-                chain, samples.pose(k), samples.twist[k], samples.acceleration[k], q_guess=q, limits=False
-            )
+            platform_motion(chain, samples.pose(k), samples.twist[k], samples.acceleration[k], q_guess=q)
         )
         q = states[-1].q
         say("kinematics", k + 1, len(samples))

@@ -233,8 +233,8 @@ def test_tolerance_grows_with_the_robot() -> None:
     """A robot in millimetres is read like the same robot in metres."""
     for scale in (1e-3, 1.0, 1e3):
         printed = one_leg(joints=(Joint("x", R, "base", "cross", at(*(FOOT * scale)), X),))
-        good = replace(printed.joints[2], placement=at(0, 0, 1e-11 * scale))
-        bad = replace(good, placement=at(0, 0, 1e-6 * scale))
+        good = replace(printed.joints[2], placement=at(0, 0, 1e-6 * scale))
+        bad = replace(good, placement=at(0, 0, 1e-4 * scale))
         ball = Loop("ball", S, "platform", "upper", at(*(HEAD * scale)), at(0, 0, 0))
         joints = {joint.name: joint for joint in printed.joints}
         leg_points(
