@@ -222,3 +222,5 @@ PLATFORMS = {
     "delta, hinges": lambda: delta(ball_elbows=False),
 }
 """Chains that come apart into a platform and legs with closed forms."""
+FEW_PLATFORMS = ("stewart", "legs on the platform", "3-RPR", "3-RRR, motor to spare")
+"""Those that stand for the others in the quick tests."""

@@ -17,7 +17,14 @@ from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.programs.status import StateStatus
 from tests import mechanisms
-from tests.closed_states import close, derivative, random_configuration, random_motion, robot
+from tests.closed_states import (
+    close,
+    derivative,
+    random_configuration,
+    random_motion,
+    robot,
+    slow_but_for_few,
+)
 from tests.kernels.platforms import motor_to_spare
 
 AGREE = 1e-10
@@ -57,7 +64,7 @@ def platform_states(many: Kernels, rng: np.random.Generator, count: int = 4):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow) if n in LIKE_ANOTHER else n for n in ON_PLATFORM]
+    "name", slow_but_for_few(ON_PLATFORM, ["stewart", "four_bar", "rpr_planar", "arm_3r_spatial"])
 )
 def test_platform_coordinates_agree(name: str, rng: np.random.Generator) -> None:
     many = kernels(name)

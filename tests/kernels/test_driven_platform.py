@@ -19,7 +19,7 @@ from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.programs.status import StateStatus
 from tests.closed_states import close, derivative, robot, slow_but_for_few
-from tests.kernels.platforms import PLATFORMS, motor_to_spare
+from tests.kernels.platforms import FEW_PLATFORMS, PLATFORMS, motor_to_spare
 from tests.kernels.test_compile import kernels
 from tests.kernels.test_leg_reactions import carts, in_the_tree
 from tests.kernels.test_platform_dynamics import call, states
@@ -66,7 +66,7 @@ def by_the_tree(chain: stp.ClosedChain, monkeypatch: pytest.MonkeyPatch) -> Kern
     return many
 
 
-@pytest.mark.parametrize("name", PLATFORMS)
+@pytest.mark.parametrize("name", slow_but_for_few(PLATFORMS, FEW_PLATFORMS))
 def test_graphs_agree_with_the_one_state_verbs(name: str, rng: np.random.Generator) -> None:
     platform = driven(name)
     placed, chain = platform.placed, platform.placed.plan.chain

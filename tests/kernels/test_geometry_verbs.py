@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import stewart_pin as stp
 from stewart_pin.errors import InputError
-from tests.closed_states import close, derivative, random_configuration, robot
+from tests.closed_states import close, derivative, random_configuration, robot, slow_but_for_few
 
 STATES = 3
 
@@ -149,7 +149,7 @@ def forward(chain: stp.ClosedChain, shift: np.ndarray, pose, twist, tau: np.ndar
 
 
 # Differences of order 4 at h = 1 mm: (h/size)⁴/30 and eps/h, both below 1e-10 of the efforts per metre.
-@pytest.mark.parametrize("name", ["stewart", pytest.param("stewart_sps", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", slow_but_for_few(["stewart", "stewart_sps"], []))
 @pytest.mark.parametrize(
     ("verb", "judge"), [("inverse_dynamics", closed_form), ("forward_dynamics", forward)]
 )

@@ -72,7 +72,9 @@ def test_one_motion_serves_many_states_of_which_some_are_poor() -> None:
             np.testing.assert_allclose(found, expected, rtol=1e-7)
 
 
-@pytest.mark.parametrize("turn", [0.3, 1.5706, np.pi / 2, 1.59, 2.8])
+@pytest.mark.parametrize(
+    "turn", [1.5706, np.pi / 2, *(pytest.param(turn, marks=pytest.mark.slow) for turn in (0.3, 1.59, 2.8))]
+)
 def test_a_door_on_two_hinges_turns_by_any_angle(turn: float) -> None:
     """A right angle from where the pivots were chosen the entry that they stand for vanishes."""
     chain = robot("door_on_two_hinges")

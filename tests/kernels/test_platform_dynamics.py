@@ -21,8 +21,8 @@ from stewart_pin.kernels.graph.platform_dynamics import (
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.model.description import JointKind
 from tests import mechanisms
-from tests.closed_states import close, robot
-from tests.kernels.platforms import PLATFORMS, crossed_hinge
+from tests.closed_states import close, robot, slow_but_for_few
+from tests.kernels.platforms import FEW_PLATFORMS, PLATFORMS, crossed_hinge
 
 AGREE = 1e-10
 
@@ -56,7 +56,7 @@ def call(function: ca.Function, *arguments: np.ndarray) -> np.ndarray:
     return np.array(function.call([ca.DM(x) for x in arguments])[0]).ravel()
 
 
-@pytest.mark.parametrize("name", PLATFORMS)
+@pytest.mark.parametrize("name", slow_but_for_few(PLATFORMS, FEW_PLATFORMS))
 def test_inverse_dynamics_agrees(name: str, rng: np.random.Generator) -> None:
     placed = platform(name)
     inverse = inverse_dynamics_function(placed)
@@ -65,7 +65,7 @@ def test_inverse_dynamics_agrees(name: str, rng: np.random.Generator) -> None:
         close(call(inverse, pose, twist, acceleration), expected, AGREE)
 
 
-@pytest.mark.parametrize("name", PLATFORMS)
+@pytest.mark.parametrize("name", slow_but_for_few(PLATFORMS, FEW_PLATFORMS))
 def test_forward_dynamics_agrees(name: str, rng: np.random.Generator) -> None:
     placed = platform(name)
     chain, forward = placed.plan.chain, forward_dynamics_function(placed)

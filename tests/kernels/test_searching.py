@@ -91,7 +91,7 @@ def test_as_the_verb_for_arrays(name: str, coordinates: str, verb: str, rng: np.
             np.testing.assert_array_equal(np.squeeze(part), np.squeeze(whole[k]))
 
 
-@pytest.mark.parametrize("name", slow_but_for_few(["stewart", "five_bar"], ["stewart"]))
+@pytest.mark.parametrize("name", slow_but_for_few(["stewart", "five_bar", "four_bar"], ["four_bar"]))
 def test_out_of_reach_is_nan_with_its_code(name: str, rng: np.random.Generator) -> None:
     many = kernels(name, "motor")
     position, rate, acceleration, *_ = (x[0] for x in states(many, rng, 1))

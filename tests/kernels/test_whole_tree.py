@@ -17,7 +17,15 @@ from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree, tree_bi
 from stewart_pin.mechanics.effort import Effort
 from stewart_pin.model.description import LOOP_KINDS, JointKind
 from tests import mechanisms
-from tests.closed_states import along, close, derivative, random_configuration, random_motion, robot
+from tests.closed_states import (
+    along,
+    close,
+    derivative,
+    random_configuration,
+    random_motion,
+    robot,
+    slow_but_for_few,
+)
 from tests.kernels.tied_platforms import carts, in_the_tree
 from tests.laws.conftest import Case, round_off_of_accelerations
 
@@ -32,6 +40,9 @@ BUILDERS: dict[str, Callable[[np.random.Generator], stp.ClosedChain]] = {
     "six cranks, idle rods": lambda rng: mechanisms.rotary_hexapod(),
     **{name: lambda rng, name=name: robot(name) for name in stp.robots()},
 }
+
+LARGE = {"stewart_sps", "stewart_cad", "stewart_s1", "delta", "hexapod_rss", "six cranks, idle rods"}
+"""Those whose graphs take long."""
 
 
 def held_twice() -> stp.ClosedChain:
@@ -58,7 +69,7 @@ def call(function: ca.Function, *arguments: np.ndarray) -> tuple[np.ndarray, ...
     return tuple(np.array(x).ravel() for x in function.call([ca.DM(x) for x in arguments]))
 
 
-@pytest.fixture(params=BUILDERS)
+@pytest.fixture(params=slow_but_for_few(BUILDERS, [name for name in BUILDERS if name not in LARGE]))
 def chain(request: pytest.FixtureRequest, rng: np.random.Generator) -> stp.ClosedChain:
     return BUILDERS[request.param](rng)
 
