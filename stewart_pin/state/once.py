@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar, overload
 
-import numpy as np
+from numpy import ndarray
 
 T = TypeVar("T")
 
@@ -34,6 +34,6 @@ class once(Generic[T]):
         if instance is None:
             return self
         value = instance.__dict__[self._name] = self._compute(instance)
-        if isinstance(value, np.ndarray):
-            value.setflags(write=False)  # what is kept is everybody's
+        if type(value) is ndarray:
+            value.setflags(False)  # write: what is kept is everybody's; by place, for a name costs as much again
         return value
