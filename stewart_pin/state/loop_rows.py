@@ -375,7 +375,8 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     numpy.ndarray
         (n, 3) a × b, in any unit.
     """
-    return a.take(_NEXT, 1) * b.take(_LAST, 1) - a.take(_LAST, 1) * b.take(_NEXT, 1)
+    # What stands at k is the entry k + 2 of the product: one shift more, and two fewer.
+    return (a * b.take(_NEXT, 1) - a.take(_NEXT, 1) * b).take(_NEXT, 1)
 
 
-_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+_NEXT = np.array([1, 2, 0])
