@@ -68,8 +68,9 @@ def main() -> None:
     parser.add_argument(
         "--judged", type=int, default=200, help="states of each kind before the verbs of one state"
     )
-    parser.add_argument("--journal", type=Path, default=Path("everywhere.jsonl"), help="what is done")
+    parser.add_argument("--journal", type=Path, default=Path("output/everywhere.jsonl"), help="what is done")
     chosen = parser.parse_args()
+    chosen.journal.parent.mkdir(parents=True, exist_ok=True)
     done: dict[str, Rows] = {}
     wanted = {"states": chosen.states, "judged": chosen.judged, "version": stp.__version__}
     if chosen.journal.exists():
