@@ -35,5 +35,6 @@ class once(Generic[T]):
             return self
         value = instance.__dict__[self._name] = self._compute(instance)
         if type(value) is ndarray:
-            value.setflags(False)  # write: what is kept is everybody's; by place, for a name costs as much again
+            # What is kept is everybody's. ``write`` goes by place: by its name the call takes twice as long.
+            value.setflags(False)  # pyright: ignore[reportCallIssue]
         return value
