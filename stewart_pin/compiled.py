@@ -1,10 +1,10 @@
 """Kernels: a chain, or a function of your own, as compiled programs for arrays of states."""
 
 from stewart_pin.kernels.kernels import Kernels as Kernels
-from stewart_pin.kernels.programs.repeating import Repeat as Repeat
-from stewart_pin.kernels.programs.status import StateBound as StateBound
-from stewart_pin.kernels.programs.status import StateStatus as StateStatus
 from stewart_pin.kernels.report import KernelReport as KernelReport
 from stewart_pin.kernels.report import PlanBlock as PlanBlock
-from stewart_pin.kernels.running.array_kernel import ArrayKernel as ArrayKernel
-from stewart_pin.kernels.running.single_state import SingleState as SingleState
+from stewart_pin.programs.array_kernel import ArrayKernel as ArrayKernel
+from stewart_pin.programs.repeating import Repeat as Repeat
+from stewart_pin.programs.single_state import SingleState as SingleState
+from stewart_pin.programs.status import StateBound as StateBound
+from stewart_pin.programs.status import StateStatus as StateStatus

@@ -17,11 +17,11 @@ from stewart_pin.errors import (
 )
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.kernels.programs.instructions import program_from_casadi
-from stewart_pin.kernels.programs.preparing import prepare
-from stewart_pin.kernels.programs.program import Program
-from stewart_pin.kernels.programs.status import StateBound
-from stewart_pin.kernels.running.single_state import SingleState
+from stewart_pin.programs.instructions import program_from_casadi
+from stewart_pin.programs.passes import prepare
+from stewart_pin.programs.program import Program
+from stewart_pin.programs.single_state import SingleState
+from stewart_pin.programs.status import StateBound
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.tolerances import CLOSED
 

@@ -9,7 +9,7 @@ from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError, MissingExtraError
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.kernels.running.array_kernel import Engine
+from stewart_pin.programs.array_kernel import Engine
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import as_chain
 

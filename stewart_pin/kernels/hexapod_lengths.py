@@ -59,7 +59,7 @@ def _compiled(hexapod: Hexapod, rotation: FloatArray) -> Callable[[FloatArray], 
         import casadi as ca  # noqa: PLC0415 - optional
     except ImportError:
         raise MissingExtraError("casadi", "kernels") from None
-    from stewart_pin.kernels.compile_function import compile_function  # noqa: PLC0415 - optional
+    from stewart_pin.programs.compile_function import compile_function  # noqa: PLC0415 - optional
 
     # At one orientation leg i is as long as the platform origin is away from B_i - R P_i.
     centres = hexapod.base_points - hexapod.platform_points @ np.asarray(rotation).T

@@ -7,11 +7,11 @@ from typing import Any
 from numpy.typing import DTypeLike
 
 from stewart_pin.kernels.report import KernelReport, count_operations, plan_blocks
-from stewart_pin.kernels.running.array_kernel import Engine
 from stewart_pin.kernels.verbs.derivatives import DerivativeVerbs
 from stewart_pin.kernels.verbs.dynamics import DynamicsVerbs
 from stewart_pin.kernels.verbs.geometry import GeometryVerbs
 from stewart_pin.kernels.verbs.kinematics import KinematicsVerbs
+from stewart_pin.programs.array_kernel import Engine
 from stewart_pin.state.chain import ClosedChain
 
 

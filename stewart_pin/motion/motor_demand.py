@@ -15,13 +15,13 @@ from stewart_pin.brief import Brief
 from stewart_pin.errors import ClosureError, InputError, UnsupportedError
 from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.mechanics.closed_forms import LegForm, leg_form
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import State, inverse_kinematics, platform_motion
 from stewart_pin.model.description import JointKind
 from stewart_pin.motion.joint_motion import asked_of_motors, asked_of_others
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import Excess
 from stewart_pin.state.state import as_chain

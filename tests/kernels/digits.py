@@ -9,7 +9,7 @@ import mpmath
 import numpy as np
 
 import stewart_pin as stp
-from stewart_pin.kernels.programs.program import Kind, Program
+from stewart_pin.programs.program import Kind, Program
 
 DIGITS = 50
 _MP = mpmath.mp.clone()

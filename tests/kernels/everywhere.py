@@ -23,9 +23,9 @@ from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.loop_gaps import opposed_axes
 from stewart_pin.kernels.graph.platform_frame import platform_bias, platform_columns
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree
-from stewart_pin.kernels.programs.status import StateStatus
-from stewart_pin.kernels.running.array_kernel import Engine
 from stewart_pin.kernels.verbs.configurations import as_poses
+from stewart_pin.programs.array_kernel import Engine
+from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.generic import regularity
 from tests.closed_states import robot
 

@@ -12,7 +12,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.programs.status import StateStatus
 from tests.closed_states import robot, slow_but_for_few
 from tests.kernels.hexapod_graph import sample_states
 from tests.kernels.test_compile import kernels, platform_states

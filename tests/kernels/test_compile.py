@@ -15,7 +15,7 @@ import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.programs.status import StateStatus
 from tests import mechanisms
 from tests.closed_states import (
     close,

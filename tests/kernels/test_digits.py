@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.programs.status import StateStatus
 from tests.kernels.digits import efforts
 from tests.kernels.everywhere import Coordinates, Mechanism
 

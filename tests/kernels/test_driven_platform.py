@@ -17,7 +17,7 @@ from stewart_pin.kernels.graph.leg_reactions import reactions_function
 from stewart_pin.kernels.graph.platform_dynamics import place_platform
 from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.planning.plan import plan_platform
-from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.programs.status import StateStatus
 from tests.closed_states import close, derivative, robot, slow_but_for_few
 from tests.kernels.platforms import FEW_PLATFORMS, PLATFORMS, motor_to_spare
 from tests.kernels.test_compile import kernels

@@ -12,7 +12,7 @@ import stewart_pin as stp
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.planning.elimination import Elimination
 from stewart_pin.kernels.planning.pivots import plan_pivots
-from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.programs.status import StateStatus
 from tests.building import cassie
 
 

@@ -11,8 +11,8 @@ from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.graph.derivatives import configuration_chart
 from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.kernels.planning.tree import tree_of
-from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.model.loop_rows import orthonormal_triad
+from stewart_pin.programs.status import StateStatus
 from tests import mechanisms
 from tests.closed_states import (
     close,

@@ -10,8 +10,8 @@ import stewart_pin as stp
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.graph.function_set import FunctionSet
 from stewart_pin.kernels.graph.leg_regressor import platform_regressor
-from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.kernels.report import count_operations
+from stewart_pin.programs.status import StateStatus
 from tests.closed_states import close, robot
 from tests.kernels.platforms import PLATFORMS
 from tests.kernels.test_compile import LIKE_ANOTHER, kernels, platform_states

@@ -11,7 +11,6 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.kernels.compile_function import compile_function
 from stewart_pin.kernels.graph.newton_steps import (
     NewtonEquations,
     any_direction,
@@ -22,8 +21,9 @@ from stewart_pin.kernels.graph.newton_steps import (
 from stewart_pin.kernels.graph.platform_dynamics import place_platform
 from stewart_pin.kernels.graph.platform_kinematics import pose_equations
 from stewart_pin.kernels.planning.plan import plan_platform
-from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.kernels.verbs.newton import NewtonSteps, Plans, Solved, solve_on_branch, straight
+from stewart_pin.programs.compile_function import compile_function
+from stewart_pin.programs.status import StateStatus
 from stewart_pin.tolerances import CLOSED
 from tests.closed_states import robot
 from tests.kernels.hexapod_graph import sample_states

@@ -11,7 +11,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.programs.status import StateStatus
 from tests.closed_states import random_configuration, random_motion, robot, slow_but_for_few
 
 pytest.importorskip("llvmlite")

@@ -12,7 +12,7 @@ from stewart_pin.kernels.graph.platform_dynamics import motor_columns, place_pla
 from stewart_pin.kernels.graph.platform_kinematics import motor_position_expressions
 from stewart_pin.kernels.graph.squared_lengths import squared_lengths
 from stewart_pin.kernels.planning.plan import plan_platform
-from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.programs.status import StateStatus
 from tests.closed_states import robot
 from tests.kernels.platforms import PLATFORMS
 

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 import stewart_pin as stp
-from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.programs.status import StateStatus
 from tests.closed_states import close, random_motion
 from tests.laws.conftest import Case, round_off_of_accelerations, round_off_of_efforts
 

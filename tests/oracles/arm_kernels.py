@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stewart_pin.kernels.llvm.machine_code import object_file
-from stewart_pin.kernels.llvm.module import module_for_one, module_for_ranges
-from stewart_pin.kernels.llvm.target import Target, host_target
-from stewart_pin.kernels.running.array_kernel import ArrayKernel
+from stewart_pin.programs.array_kernel import ArrayKernel
+from stewart_pin.programs.llvm.machine_code import Target, host_target, object_file
+from stewart_pin.programs.llvm.module import module_for_one, module_for_ranges
 from tests.oracles.arm_machine import ArmMachine
 
 SYSTEMS = {

@@ -14,11 +14,11 @@ import stewart_pin as stp
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.kernels.llvm.target import Target
-from stewart_pin.kernels.programs.repeating import interpreted
-from stewart_pin.kernels.programs.status import StateStatus, written_outputs
-from stewart_pin.kernels.running.array_kernel import ArrayKernel
-from stewart_pin.kernels.running.arrays import as_states
+from stewart_pin.programs.array_kernel import ArrayKernel
+from stewart_pin.programs.arrays import as_states
+from stewart_pin.programs.llvm.machine_code import Target
+from stewart_pin.programs.repeating import interpreted
+from stewart_pin.programs.status import StateStatus, written_outputs
 from tests.closed_states import random_configuration, random_motion, robot
 
 pytest.importorskip("lief", reason="needs LIEF: pip install 'stewart_pin[oracles]'")

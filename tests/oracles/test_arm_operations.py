@@ -5,14 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stewart_pin.kernels.llvm.machine_code import object_file
-from stewart_pin.kernels.llvm.operations import WRITTEN
-from stewart_pin.kernels.llvm.target import Target
-from stewart_pin.kernels.programs.interpreter import run_program
-from stewart_pin.kernels.programs.preparing import prepare
-from stewart_pin.kernels.programs.program import LIBRARY, Kind
-from stewart_pin.kernels.running.array_kernel import ArrayKernel
-from tests.kernels.programs import (
+from stewart_pin.programs.array_kernel import ArrayKernel
+from stewart_pin.programs.interpreter import run_program
+from stewart_pin.programs.llvm.machine_code import Target, object_file
+from stewart_pin.programs.llvm.operations import WRITTEN
+from stewart_pin.programs.passes import prepare
+from stewart_pin.programs.program import LIBRARY, Kind
+from tests.programs.examples import (
     kinds_of_every_operation,
     one_operation,
     random_program,

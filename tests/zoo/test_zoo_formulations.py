@@ -10,7 +10,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.programs.status import StateStatus
+from stewart_pin.programs.status import StateStatus
 from tests.closed_states import close, configuration, random_motion
 from tests.laws.conftest import Case, round_off, round_off_of_accelerations, round_off_of_efforts
 from tests.zoo.table import REFUSED, expected, zoo_chain

@@ -10,11 +10,6 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.kernels.compile_function import compile_function
-from stewart_pin.kernels.programs.status import StateStatus
-from stewart_pin.kernels.running.array_kernel import ArrayKernel, Engine
-from stewart_pin.kernels.running.arrays import require_apart, require_out
-from stewart_pin.kernels.running.single_state import SingleState
 from stewart_pin.kernels.verbs.configurations import (
     Starts,
     as_poses,
@@ -28,6 +23,11 @@ from stewart_pin.kernels.verbs.judges import POOR, judged, lost_twice
 from stewart_pin.kernels.verbs.newton import NewtonSteps, OneSearch, Plans, Solved, straight
 from stewart_pin.kernels.verbs.other_pivots import OtherPivots
 from stewart_pin.kernels.verbs.searching import SearchingState
+from stewart_pin.programs.array_kernel import ArrayKernel, Engine
+from stewart_pin.programs.arrays import require_apart, require_out
+from stewart_pin.programs.compile_function import compile_function
+from stewart_pin.programs.single_state import SingleState
+from stewart_pin.programs.status import StateStatus
 from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from stewart_pin.kernels.running.arrays import require_apart, require_out
 from stewart_pin.kernels.verbs.calling import Caller, Places
 from stewart_pin.kernels.verbs.geometry_columns import Along, geometry_columns
+from stewart_pin.programs.arrays import require_apart, require_out
 from stewart_pin.state.geometry_parameters import GeometryParameter, geometry_parameters
 from stewart_pin.typing import ArrayLike, FloatArray
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from stewart_pin.kernels.programs.status import StateBound, StateStatus
 from stewart_pin.kernels.verbs.configurations import UNIT
+from stewart_pin.programs.status import StateBound, StateStatus
 from stewart_pin.tolerances import SINGULAR
 from stewart_pin.typing import FloatArray
 

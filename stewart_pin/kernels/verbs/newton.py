@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stewart_pin.kernels.programs.repeating import Repeat
-from stewart_pin.kernels.running.array_kernel import ArrayKernel
+from stewart_pin.programs.array_kernel import ArrayKernel
+from stewart_pin.programs.repeating import Repeat
 from stewart_pin.typing import BoolArray, FloatArray
 
 _CLOSED = 1e-11

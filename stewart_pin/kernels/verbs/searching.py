@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.programs.status import StateStatus
-from stewart_pin.kernels.running.arrays import require_out
 from stewart_pin.kernels.verbs.configurations import as_poses, normalised, with_unit_quaternions
 from stewart_pin.kernels.verbs.judges import POOR, lost_twice
+from stewart_pin.programs.arrays import require_out
+from stewart_pin.programs.status import StateStatus
 from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:

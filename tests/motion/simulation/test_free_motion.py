@@ -8,9 +8,9 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.kernels.choosing import SimulationKernels, simulation_kernels
-from stewart_pin.kernels.programs.status import StateStatus
 from stewart_pin.model.description import JointKind
 from stewart_pin.motion.simulation.plant import Plant
+from stewart_pin.programs.status import StateStatus
 from tests.closed_states import random_configuration, random_motion, robot
 from tests.mechanisms import arm, five_bar, four_bar, two_bodies
 

@@ -1,1 +1,0 @@
-"""Straight-line lists of operations: read from CasADi, made shorter, interpreted."""

@@ -1,1 +1,0 @@
-"""Programs as functions of arrays of states, and of one state."""

@@ -1,0 +1,165 @@
+"""Arrays of states at the door of a kernel: what is taken as it lies in memory, what is copied, what is refused."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stewart_pin.errors import InputError
+from stewart_pin.programs.program import Port
+from stewart_pin.typing import ArrayLike, FloatArray
+
+
+def as_states(port: Port, value: ArrayLike, dtype: np.dtype[Any]) -> tuple[FloatArray, bool]:
+    """Take an input.
+
+    Parameters
+    ----------
+    port
+        Which input.
+    value
+        (N, *shape), or (*shape,) that holds for all states [any unit]. Any distance between states is taken as it is;
+        another type than that of the kernel, entries of a state that do not lie side by side, and lists are copied.
+    dtype
+        Type of the kernel.
+
+    Returns
+    -------
+    array : numpy.ndarray
+        (N, *shape) or (1, *shape) [any unit].
+    many : bool
+        Whether the value has an axis of states.
+
+    Raises
+    ------
+    InputError
+        If the shape is wrong or the entries are not real numbers.
+    """
+    if type(value) is not np.ndarray or value.dtype != dtype:
+        value = _converted(port.name, value, dtype)
+    axes = len(port.shape)
+    if value.shape[value.ndim - axes :] != port.shape or value.ndim not in {axes, axes + 1}:
+        inner = ", ".join(map(str, port.shape))
+        single = f"({inner},)" if axes == 1 else f"({inner})"
+        raise InputError(f"{port.name} must have shape (N, {inner}) or {single}, got {value.shape}")
+    many = value.ndim > axes
+    if not many:
+        value = value[None]
+    if not lies_in_rows(value):
+        value = np.ascontiguousarray(value)
+    return value, many
+
+
+def _converted(name: str, value: ArrayLike, dtype: np.dtype[Any]) -> FloatArray:
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "fiub" or isinstance(value, np.ma.MaskedArray):  # whose mask would be lost
+            raise TypeError
+        with np.errstate(over="ignore"):  # becomes inf, which the status reports
+            return array.astype(dtype)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} must be an array of real numbers, got {type(value).__name__}") from None
+
+
+def lies_in_rows(array: FloatArray) -> bool:
+    """Tell whether the entries of each state lie side by side, whatever the distance between states.
+
+    Parameters
+    ----------
+    array
+        (N, *shape) [any unit].
+
+    Returns
+    -------
+    bool
+        Whether a kernel can work on it in place.
+    """
+    return array.flags.aligned and (array.flags.c_contiguous or not len(array) or array[0].flags.c_contiguous)
+
+
+def n_states(ports: tuple[Port, ...], arrays: list[tuple[FloatArray, bool]]) -> int | None:
+    """Find the number of states that the inputs agree on.
+
+    Parameters
+    ----------
+    ports
+        Inputs.
+    arrays
+        What `as_states` gave for each [any unit].
+
+    Returns
+    -------
+    int or None
+        Number of states; None if no input has an axis of states.
+
+    Raises
+    ------
+    InputError
+        If they do not agree.
+    """
+    distinct = {len(a) for a, many in arrays if many}
+    if not distinct:
+        return None
+    distinct.discard(1)
+    if len(distinct) > 1:
+        counts = {port.name: len(a) for port, (a, many) in zip(ports, arrays, strict=True) if many}
+        listed = ", ".join(f"{name} {count}" for name, count in counts.items())
+        raise InputError(f"inputs differ in the number of states: {listed}")
+    return distinct.pop() if distinct else 1
+
+
+def require_out(name: str, array: Any, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    """Check an array that is to be written.
+
+    Parameters
+    ----------
+    name
+        Name for the message.
+    array
+        What the caller passed.
+    shape
+        Shape it must have.
+    dtype
+        Type it must have.
+
+    Raises
+    ------
+    InputError
+        If it is no writable array of that shape and type whose states lie in rows, apart from each other.
+    """
+    if not isinstance(array, np.ndarray) or array.dtype != dtype or array.shape != shape:
+        found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+        raise InputError(f"{name} must be an array {dtype} {shape}, got {found}")
+    if not array.flags.writeable or not lies_in_rows(array):
+        raise InputError(f"{name} must be writable, with the entries of each state side by side")
+    if len(array) > 1 and abs(array.strides[0]) < array.itemsize * array[0].size:
+        raise InputError(f"{name} must not have states that overlap, got strides {array.strides}")
+
+
+def require_apart(name: str, array: FloatArray, others: list[tuple[str, FloatArray]]) -> None:
+    """Check that an array to be written shares no memory with others.
+
+    Parameters
+    ----------
+    name
+        Name for the message.
+    array
+        Array to be written [any unit].
+    others
+        Names and arrays that are read or written as well [any unit].
+
+    Raises
+    ------
+    InputError
+        If it does, or may do in a way that takes long to find out.
+    """
+    for other_name, other in others:
+        if not np.may_share_memory(array, other):
+            continue
+        try:
+            shared = np.shares_memory(array, other, max_work=100_000)  # pyright: ignore[reportArgumentType]
+        except np.exceptions.TooHardError:
+            shared = True
+        if shared:
+            raise InputError(f"{name} must not share memory with {other_name}; pass a copy")
