@@ -41,8 +41,7 @@ from .geometry.hexapod_pose import hexapod_pose as hexapod_pose
 from .geometry.planar import PlanarRPR as PlanarRPR
 from .geometry.planar_modes import planar_assembly_modes as planar_assembly_modes
 from .geometry.serial import planar_arm_configurations as planar_arm_configurations
-from .kernels.compile import compile_kernels as compile_kernels
-from .kernels.compile_function import compile_function as compile_function
+from .kernels.kernels import compile_kernels as compile_kernels
 from .mechanics.articulated_body.trees import articulated_body_acceleration as articulated_body_acceleration
 from .mechanics.capability.hexapod_limits import load_limit as load_limit
 from .mechanics.capability.hexapod_limits import velocity_limits as velocity_limits
@@ -64,6 +63,7 @@ from .motion.limits import limits_exceeded as limits_exceeded
 from .motion.motor_demand import motor_demand as motor_demand
 from .motion.shake_table import fit_to_limits as fit_to_limits
 from .motion.simulation.simulate import simulate as simulate
+from .programs.compile_function import compile_function as compile_function
 from .state.chain import ClosedChain as ClosedChain
 from .state.loop_verbs import loop_bias as loop_bias
 from .state.loop_verbs import loop_gap as loop_gap

@@ -1,8 +1,8 @@
 """Kernels: a chain, or a function of your own, as compiled programs for arrays of states."""
 
+from stewart_pin.kernels.kernels import KernelReport as KernelReport
 from stewart_pin.kernels.kernels import Kernels as Kernels
-from stewart_pin.kernels.report import KernelReport as KernelReport
-from stewart_pin.kernels.report import PlanBlock as PlanBlock
+from stewart_pin.kernels.kernels import PlanBlock as PlanBlock
 from stewart_pin.programs.array_kernel import ArrayKernel as ArrayKernel
 from stewart_pin.programs.repeating import Repeat as Repeat
 from stewart_pin.programs.single_state import SingleState as SingleState

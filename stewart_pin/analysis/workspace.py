@@ -22,7 +22,7 @@ from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths, leg_vectors
 from stewart_pin.geometry.rotations import as_rotation
-from stewart_pin.kernels.hexapod_lengths import lengths_at
+from stewart_pin.kernels.choosing import lengths_at
 from stewart_pin.mechanics.closed_forms import leg_form
 from stewart_pin.mechanics.kinematics import inverse_kinematics
 from stewart_pin.state.chain import ClosedChain

@@ -19,10 +19,10 @@ import pinocchio as pin
 import stewart_pin as stp
 from stewart_pin.errors import ClosureError, InputError, SingularityError, UnsupportedError
 from stewart_pin.kernels.graph.driven_tree import integrated
-from stewart_pin.kernels.graph.functions import shared
-from stewart_pin.kernels.graph.loop_gaps import opposed_axes
+from stewart_pin.kernels.graph.loop_rows import opposed_axes
 from stewart_pin.kernels.graph.platform_frame import platform_bias, platform_columns
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree
+from stewart_pin.kernels.planning.spatial import shared
 from stewart_pin.kernels.verbs.configurations import as_poses
 from stewart_pin.programs.array_kernel import Engine
 from stewart_pin.programs.status import StateStatus

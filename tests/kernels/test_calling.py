@@ -10,8 +10,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.kernels.compile import compile_kernels
-from stewart_pin.kernels.kernels import Kernels
+from stewart_pin.kernels.kernels import Kernels, compile_kernels
 from stewart_pin.programs.status import StateStatus
 from tests.closed_states import robot, slow_but_for_few
 from tests.kernels.hexapod_graph import sample_states

@@ -13,8 +13,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
-from stewart_pin.kernels.compile import compile_kernels
-from stewart_pin.kernels.kernels import Kernels
+from stewart_pin.kernels.kernels import Kernels, compile_kernels
 from stewart_pin.programs.status import StateStatus
 from tests import mechanisms
 from tests.closed_states import (

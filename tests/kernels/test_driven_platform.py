@@ -10,12 +10,11 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.graph import function_set, platform_dynamics
 from stewart_pin.kernels.graph.driven_platform import DrivenPlatform, by_motors, drive_platform
 from stewart_pin.kernels.graph.leg_reactions import reactions_function
 from stewart_pin.kernels.graph.platform_dynamics import place_platform
-from stewart_pin.kernels.kernels import Kernels
+from stewart_pin.kernels.kernels import Kernels, compile_kernels
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.programs.status import StateStatus
 from tests.closed_states import close, derivative, robot, slow_but_for_few

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.kernels.compile import compile_kernels
+from stewart_pin.kernels.kernels import compile_kernels
 from stewart_pin.kernels.planning.elimination import Elimination
 from stewart_pin.kernels.planning.pivots import plan_pivots
 from stewart_pin.programs.status import StateStatus

@@ -10,11 +10,10 @@ import pytest
 from scipy.optimize import brentq
 
 import stewart_pin as stp
-from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.graph.leg_reactions import reactions_function
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, place_platform
+from stewart_pin.kernels.kernels import compile_kernels, count_operations
 from stewart_pin.kernels.planning.plan import plan_platform
-from stewart_pin.kernels.report import count_operations
 from stewart_pin.programs.status import StateStatus
 from tests.closed_states import close, robot, slow_but_for_few
 from tests.kernels.platforms import PLATFORMS, delta

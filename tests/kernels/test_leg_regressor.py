@@ -7,10 +7,9 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.kernels.compile import compile_kernels
 from stewart_pin.kernels.graph.function_set import FunctionSet
-from stewart_pin.kernels.graph.leg_regressor import platform_regressor
-from stewart_pin.kernels.report import count_operations
+from stewart_pin.kernels.graph.regressor import platform_regressor
+from stewart_pin.kernels.kernels import compile_kernels, count_operations
 from stewart_pin.programs.status import StateStatus
 from tests.closed_states import close, robot
 from tests.kernels.platforms import PLATFORMS

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.kernels.verbs.judges import POOR
+from stewart_pin.kernels.verbs.configurations import POOR
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.generic import regularity
 from tests.closed_states import close, robot

@@ -9,8 +9,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.kernels.graph.platform_dynamics import motor_columns, place_platform
-from stewart_pin.kernels.graph.platform_kinematics import motor_position_expressions
-from stewart_pin.kernels.graph.squared_lengths import squared_lengths
+from stewart_pin.kernels.graph.platform_kinematics import motor_position_expressions, squared_lengths
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.programs.status import StateStatus
 from tests.closed_states import robot

@@ -12,8 +12,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.compile import compile_kernels
-from stewart_pin.kernels.kernels import Kernels
+from stewart_pin.kernels.kernels import Kernels, compile_kernels
 from stewart_pin.programs.array_kernel import ArrayKernel
 from stewart_pin.programs.arrays import as_states
 from stewart_pin.programs.llvm.machine_code import Target

@@ -9,7 +9,6 @@ from __future__ import annotations
 import casadi as ca
 
 from stewart_pin.kernels.graph.driven_tree import DrivenTree, follow
-from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.platform_dynamics import (
     PlacedPlatform,
     balance,
@@ -18,7 +17,7 @@ from stewart_pin.kernels.graph.platform_dynamics import (
     platform_mass_matrix,
 )
 from stewart_pin.kernels.planning.elimination import solve_square, solve_symmetric
-from stewart_pin.kernels.planning.spatial import constant, skew, turn_from_quaternion
+from stewart_pin.kernels.planning.spatial import constant, shared, skew, turn_from_quaternion
 from stewart_pin.kernels.planning.tree import Tree
 from stewart_pin.model.description import JointKind
 

@@ -15,11 +15,10 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.graph.functions import shared
-from stewart_pin.kernels.graph.loop_gaps import loop_gaps, opposed_axes
+from stewart_pin.kernels.graph.joint_motion import turned_by_small
+from stewart_pin.kernels.graph.loop_rows import loop_gaps, opposed_axes
 from stewart_pin.kernels.graph.newton_steps import Approach, NewtonEquations, any_direction
 from stewart_pin.kernels.graph.platform_frame import platform_bias, platform_columns, platform_placement
-from stewart_pin.kernels.graph.quaternions import turned_by_small
 from stewart_pin.kernels.graph.whole_tree import (
     ClosedTree,
     motor_columns,
@@ -29,7 +28,7 @@ from stewart_pin.kernels.graph.whole_tree import (
 )
 from stewart_pin.kernels.planning.elimination import Elimination, solve_symmetric
 from stewart_pin.kernels.planning.pivots import plan_pivots
-from stewart_pin.kernels.planning.spatial import constant, turn_from_quaternion
+from stewart_pin.kernels.planning.spatial import constant, shared, turn_from_quaternion
 from stewart_pin.kernels.planning.tree import Tree
 from stewart_pin.model.description import JointKind
 from stewart_pin.typing import FloatArray

@@ -29,15 +29,13 @@ from stewart_pin.kernels.graph import (
 from stewart_pin.kernels.graph.derivatives import dynamics_derivatives
 from stewart_pin.kernels.graph.driven_platform import DrivenPlatform
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
-from stewart_pin.kernels.graph.geometry_by_legs import leg_displacements
-from stewart_pin.kernels.graph.geometry_by_tree import tree_geometry_derivatives
-from stewart_pin.kernels.graph.held_motion import HeldMotion, hold
+from stewart_pin.kernels.graph.geometry_derivatives import leg_displacements, tree_geometry_derivatives
+from stewart_pin.kernels.graph.held_motion import HeldMotion, MobileDisplacements, hold, mobile_displacements
 from stewart_pin.kernels.graph.leg_functions import BY_LEGS, DERIVATIVES, LEG_FUNCTIONS, leg_function
-from stewart_pin.kernels.graph.mobile_displacements import MobileDisplacements, mobile_displacements
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step, stretch_step
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
-from stewart_pin.kernels.graph.projection import projection_function
 from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
+from stewart_pin.kernels.graph.state_functions import projection_function
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.planning.idle_freedoms import require_idle_without_effect
 from stewart_pin.kernels.planning.plan import plan_platform

@@ -10,9 +10,9 @@ from stewart_pin.kernels.graph import leg_reactions, platform_dynamics, platform
 from stewart_pin.kernels.graph.conditioning import platform_conditioning
 from stewart_pin.kernels.graph.derivatives import dynamics_derivatives, platform_derivatives
 from stewart_pin.kernels.graph.driven_platform import DrivenPlatform, by_motors, derivatives_by_motors
-from stewart_pin.kernels.graph.geometry_by_legs import leg_geometry_derivatives
-from stewart_pin.kernels.graph.leg_regressor import platform_regressor
+from stewart_pin.kernels.graph.geometry_derivatives import leg_geometry_derivatives
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
+from stewart_pin.kernels.graph.regressor import platform_regressor
 
 LEG_FUNCTIONS: dict[str, Callable[[PlacedPlatform], ca.Function]] = {
     "inverse_dynamics": platform_dynamics.inverse_dynamics_function,

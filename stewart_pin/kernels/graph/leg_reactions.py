@@ -18,20 +18,19 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.leg_forces import LegForces, on_platform
 from stewart_pin.kernels.graph.legs import PlacedLeg, turning_of
 from stewart_pin.kernels.graph.platform_dynamics import (
     PlacedPlatform,
     balance_legs,
+    balancing_efforts,
     forces_of_legs,
-    motor_efforts,
 )
 from stewart_pin.kernels.graph.platform_motion import PlatformMotion, platform_motion
 from stewart_pin.kernels.planning.elimination import Elimination, solve_square, solve_symmetric
 from stewart_pin.kernels.planning.pivots import plan_pivots
 from stewart_pin.kernels.planning.plan import LegEnd
-from stewart_pin.kernels.planning.spatial import constant, rotation_constant
+from stewart_pin.kernels.planning.spatial import constant, rotation_constant, shared
 from stewart_pin.model.loop_rows import AngleRow, orthonormal_triad
 from stewart_pin.state.freedom import require_sufficient_motors
 from stewart_pin.typing import FloatArray
@@ -82,7 +81,7 @@ def reactions_function(placed: PlacedPlatform) -> ca.Function:
     moving = platform_motion(plan.tree, placed.pose, twist, acceleration)
     forces = forces_of_legs(placed, moving)
     wrench, columns = balance_legs(placed, moving, forces)
-    tau_motor = motor_efforts(placed, wrench, columns)
+    tau_motor = balancing_efforts(placed, wrench, columns)
     parts = [_end_forces(leg, force, tau_motor) for leg, force in zip(placed.legs, forces, strict=True)]
     reactions = _tied(placed, _ties(placed, moving), ca.vertcat(*parts), wrench - columns @ tau_motor)
     lambda_c, start = ca.SX(plan.chain.nc, 1), 0

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from stewart_pin.kernels.graph.functions import shared
-from stewart_pin.kernels.planning.spatial import constant
+from stewart_pin.kernels.planning.spatial import constant, shared
 from stewart_pin.typing import FloatArray
 
 _FORETOLD = 4000.0

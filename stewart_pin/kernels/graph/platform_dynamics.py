@@ -16,7 +16,6 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import SingularityError
-from stewart_pin.kernels.graph.functions import shared
 from stewart_pin.kernels.graph.leg_forces import LegForces, leg_forces, leg_inertia
 from stewart_pin.kernels.graph.legs import PlacedLeg, Samples, leg_rates, place_leg
 from stewart_pin.kernels.graph.platform_motion import (
@@ -28,7 +27,7 @@ from stewart_pin.kernels.graph.platform_motion import (
 from stewart_pin.kernels.planning.elimination import solve_square, solve_symmetric
 from stewart_pin.kernels.planning.plan import PlatformPlan
 from stewart_pin.kernels.planning.samples import at_samples
-from stewart_pin.kernels.planning.spatial import constant
+from stewart_pin.kernels.planning.spatial import constant, shared
 from stewart_pin.state.freedom import require_sufficient_motors
 from stewart_pin.typing import FloatArray
 
@@ -206,7 +205,7 @@ def inverse_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     plan = placed.plan
     require_sufficient_motors(plan.chain)
     twist, acceleration = ca.SX.sym("twist", 6), ca.SX.sym("acceleration", 6)
-    tau_motor = motor_efforts(placed, *balance(placed, twist, acceleration))
+    tau_motor = balancing_efforts(placed, *balance(placed, twist, acceleration))
     return shared(
         "inverse_dynamics",
         {"pose": placed.pose, "twist": twist, "acceleration": acceleration},
@@ -363,7 +362,7 @@ def _columns(plan: PlatformPlan, forces: list[LegForces]) -> ca.SX:
     return ca.horzcat(*(columns[k] for k in range(len(plan.tree.motors))))
 
 
-def motor_efforts(placed: PlacedPlatform, wrench: ca.SX, columns: ca.SX) -> ca.SX:
+def balancing_efforts(placed: PlacedPlatform, wrench: ca.SX, columns: ca.SX) -> ca.SX:
     """Find the motor efforts that balance the platform.
 
     Parameters

@@ -250,3 +250,27 @@ def couple(turning: ca.SX, second: ca.SX) -> ca.SX:
     return ca.vertcat(
         product[2, 1] - product[1, 2], product[0, 2] - product[2, 0], product[1, 0] - product[0, 1]
     )
+
+
+# ----------------------------------------------------------------------------------------------------
+# From expressions to functions
+# ----------------------------------------------------------------------------------------------------
+
+
+def shared(name: str, inputs: dict[str, ca.SX], outputs: dict[str, ca.SX]) -> ca.Function:
+    """Make a function, in which equal expressions are computed once.
+
+    Parameters
+    ----------
+    name
+        Of the function.
+    inputs, outputs
+        By name, in order.
+
+    Returns
+    -------
+    casadi.Function
+        The function.
+    """
+    results = ca.cse(list(outputs.values()))
+    return ca.Function(name, list(inputs.values()), results, list(inputs), list(outputs))

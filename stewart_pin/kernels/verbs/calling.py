@@ -11,15 +11,17 @@ from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.verbs.configurations import (
+    POOR,
     Starts,
     as_poses,
     as_rows,
     configurations,
+    judged,
+    lost_twice,
     poses_between,
     serves,
     with_unit_quaternions,
 )
-from stewart_pin.kernels.verbs.judges import POOR, judged, lost_twice
 from stewart_pin.kernels.verbs.newton import NewtonSteps, OneSearch, Plans, Solved, straight
 from stewart_pin.kernels.verbs.other_pivots import OtherPivots
 from stewart_pin.kernels.verbs.searching import SearchingState

@@ -8,8 +8,7 @@ import numpy as np
 
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.verbs.calling import Caller, Places
-from stewart_pin.kernels.verbs.configurations import as_poses, as_rows, normalised
-from stewart_pin.kernels.verbs.judges import lost_twice
+from stewart_pin.kernels.verbs.configurations import as_poses, as_rows, lost_twice, normalised
 from stewart_pin.kernels.verbs.newton import solve_on_branch, straight
 from stewart_pin.programs.arrays import require_out
 from stewart_pin.typing import ArrayLike, FloatArray

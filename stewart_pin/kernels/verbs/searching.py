@@ -8,8 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.kernels.verbs.configurations import as_poses, normalised, with_unit_quaternions
-from stewart_pin.kernels.verbs.judges import POOR, lost_twice
+from stewart_pin.kernels.verbs.configurations import (
+    POOR,
+    as_poses,
+    lost_twice,
+    normalised,
+    with_unit_quaternions,
+)
 from stewart_pin.programs.arrays import require_out
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.typing import ArrayLike, FloatArray
