@@ -55,7 +55,7 @@ from .mechanics.kinematics import motor_positions as motor_positions
 from .mechanics.kinematics import platform_motion as platform_motion
 from .mechanics.kinematics import platform_pose as platform_pose
 from .mechanics.linearisation.equilibrium import linearise as linearise
-from .mechanics.linearisation.vibration import natural_frequencies as natural_frequencies
+from .mechanics.linearisation.equilibrium import natural_frequencies as natural_frequencies
 from .mechanics.mobility import mobility as mobility
 from .mechanics.operational_dynamics import operational_dynamics as operational_dynamics
 from .mechanics.reactions import joint_reactions as joint_reactions

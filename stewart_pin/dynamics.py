@@ -1,17 +1,17 @@
 """Dynamics of one state beyond efforts: maps, derivatives, vibrations, reactions, articulated bodies."""
 
-from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion as BaseMotion
 from stewart_pin.mechanics.articulated_body.loops import (
     closed_chain_articulated_body as closed_chain_articulated_body,
 )
+from stewart_pin.mechanics.articulated_body.passes import BaseMotion as BaseMotion
 from stewart_pin.mechanics.closed_forms import Admission as Admission
 from stewart_pin.mechanics.closed_forms import closed_forms as closed_forms
 from stewart_pin.mechanics.constraint_matrix.system import ConstraintMatrixSystem as ConstraintMatrixSystem
 from stewart_pin.mechanics.coordinates import Coordinates as Coordinates
+from stewart_pin.mechanics.coordinates import JointMotorMap as JointMotorMap
+from stewart_pin.mechanics.coordinates import joint_motor_map as joint_motor_map
 from stewart_pin.mechanics.effort import Effort as Effort
 from stewart_pin.mechanics.effort import Motion as Motion
-from stewart_pin.mechanics.joint_motor_map import JointMotorMap as JointMotorMap
-from stewart_pin.mechanics.joint_motor_map import joint_motor_map as joint_motor_map
 from stewart_pin.mechanics.linearisation.derivatives import EffortDerivatives as EffortDerivatives
 from stewart_pin.mechanics.linearisation.derivatives import MotionDerivatives as MotionDerivatives
 from stewart_pin.mechanics.linearisation.derivatives import (
@@ -21,8 +21,8 @@ from stewart_pin.mechanics.linearisation.derivatives import (
     inverse_dynamics_derivatives as inverse_dynamics_derivatives,
 )
 from stewart_pin.mechanics.linearisation.equilibrium import LinearSystem as LinearSystem
-from stewart_pin.mechanics.linearisation.vibration import Vibration as Vibration
-from stewart_pin.mechanics.linearisation.vibration import platform_stiffness as platform_stiffness
+from stewart_pin.mechanics.linearisation.equilibrium import Vibration as Vibration
+from stewart_pin.mechanics.linearisation.equilibrium import platform_stiffness as platform_stiffness
 from stewart_pin.mechanics.motion_map import MotionMap as MotionMap
 from stewart_pin.mechanics.motion_map import motion_map as motion_map
 from stewart_pin.mechanics.operational_dynamics import OperationalDynamics as OperationalDynamics

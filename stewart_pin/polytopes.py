@@ -1,5 +1,7 @@
 """Velocities and wrenches that motors with limits can give, as polytopes."""
 
+from stewart_pin.mechanics.capability.chain_limits import velocity_polytope as velocity_polytope
+from stewart_pin.mechanics.capability.chain_limits import wrench_polytope as wrench_polytope
 from stewart_pin.mechanics.capability.polytope import Ball as Ball
 from stewart_pin.mechanics.capability.polytope import Polytope as Polytope
 from stewart_pin.mechanics.capability.polytope import inscribed_ball as inscribed_ball
@@ -9,5 +11,3 @@ from stewart_pin.mechanics.capability.polytope import polytope_projection as pol
 from stewart_pin.mechanics.capability.polytope import polytope_reach as polytope_reach
 from stewart_pin.mechanics.capability.polytope import polytope_section as polytope_section
 from stewart_pin.mechanics.capability.polytope import polytope_support as polytope_support
-from stewart_pin.mechanics.capability.velocity import velocity_polytope as velocity_polytope
-from stewart_pin.mechanics.capability.wrench import wrench_polytope as wrench_polytope

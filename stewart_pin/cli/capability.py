@@ -14,6 +14,7 @@ from stewart_pin.building.loading import load
 from stewart_pin.cli.output import console, write_json
 from stewart_pin.cli.poses import configuration_of, describe_pose
 from stewart_pin.errors import InputError
+from stewart_pin.mechanics.capability.chain_limits import velocity_polytope, wrench_polytope
 from stewart_pin.mechanics.capability.polytope import (
     Polytope,
     inscribed_ball,
@@ -22,8 +23,6 @@ from stewart_pin.mechanics.capability.polytope import (
     polytope_section,
     polytope_support,
 )
-from stewart_pin.mechanics.capability.velocity import velocity_polytope
-from stewart_pin.mechanics.capability.wrench import wrench_polytope
 from stewart_pin.mechanics.kinematics import motor_positions, platform_pose
 from stewart_pin.viz.figures import check_picture_path, save_figure
 from stewart_pin.viz.polytope_picture import plot_polytopes

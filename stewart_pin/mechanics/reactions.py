@@ -14,8 +14,8 @@ from stewart_pin.mechanics.effort import Effort
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.reaction_derivatives import loop_wrench, reaction_forces
 from stewart_pin.state.relative_motion import LoopEnds
+from stewart_pin.state.row_derivatives import loop_wrench, reaction_forces
 from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import TAKES_PART
 from stewart_pin.typing import ArrayLike, FloatArray

@@ -9,8 +9,8 @@ from scipy.optimize import linprog
 import stewart_pin as stp
 from stewart_pin.errors import ConvergenceError, InputError, SingularityError
 from stewart_pin.geometry.rotations import rotation_from_rpy
-from stewart_pin.mechanics.capability import linear_program
-from stewart_pin.mechanics.capability.linear_program import greatest, interior_point, maximise
+from stewart_pin.mechanics.capability import enumeration
+from stewart_pin.mechanics.capability.enumeration import greatest, interior_point, maximise
 
 LEVEL = np.eye(3)
 # S0.5: the pose of the report, and one that its stroke of 0.5 m reaches.
@@ -80,7 +80,7 @@ def proxqp_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     def unused(*_: np.ndarray) -> np.ndarray:
         raise AssertionError("ProxQP was given up")
 
-    monkeypatch.setattr(linear_program, "greatest", unused)
+    monkeypatch.setattr(enumeration, "greatest", unused)
 
 
 @pytest.mark.usefixtures("proxqp_alone")

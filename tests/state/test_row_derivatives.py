@@ -8,8 +8,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.model.description import LOOP_KINDS
-from stewart_pin.state.reaction_derivatives import reaction_forces
-from stewart_pin.state.row_derivatives import row_derivatives
+from stewart_pin.state.row_derivatives import reaction_forces, row_derivatives
 from tests.closed_states import along, close, derivative
 from tests.mechanisms import arm, gear_train, two_bodies
 

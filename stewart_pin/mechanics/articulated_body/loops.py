@@ -1,21 +1,214 @@
-"""Forward dynamics of chains with loops: the three passes, then the forces that keep the loops closed."""
+"""Couplings as rows of joint rates: q1 = p(q2) holds v1 - p' v2 = 0 and a1 - p' a2 = p'' v2²."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
+import pinocchio as pin
 
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, SingularityError
-from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion
-from stewart_pin.mechanics.articulated_body.bodies import tree_bodies
-from stewart_pin.mechanics.articulated_body.gears import coupling_rows
-from stewart_pin.mechanics.articulated_body.loop_wrenches import loop_wrenches
-from stewart_pin.mechanics.articulated_body.passes import first_pass, respond, without_inertia
+from stewart_pin.mechanics.articulated_body.bodies import Body, cross_motion, skew, tree_bodies
+from stewart_pin.mechanics.articulated_body.passes import (
+    BaseMotion,
+    BodyMotion,
+    first_pass,
+    respond,
+    without_inertia,
+)
 from stewart_pin.mechanics.effort import Motion
+from stewart_pin.model.description import Loop
+from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import NOTHING
-from stewart_pin.typing import ArrayLike, FloatArray
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
+
+
+@dataclass(frozen=True, eq=False)
+class GearRows:
+    """Rows of all couplings.
+
+    Attributes
+    ----------
+    jacobian
+        (r, nv) rates of the residuals per joint rate [unit of joint 1 per unit of joint].
+    gap
+        (r,) q1 - p(q2) [m or rad].
+    bias
+        (r,) second derivative of the residuals without joint acceleration [m/s² or rad/s²].
+    """
+
+    jacobian: FloatArray
+    gap: FloatArray
+    bias: FloatArray
+
+
+def coupling_rows(chain: ClosedChain, bodies: Sequence[Body], q: Configuration, v: Tangent) -> GearRows:
+    """Evaluate the couplings of a chain.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    bodies
+        Bodies of its tree.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity [m/s, rad/s].
+
+    Returns
+    -------
+    GearRows
+        One row per coupling.
+    """
+    at = {body.joint.name: body for body in bodies if body.joint is not None}
+    rows = len(chain.couplings)
+    jacobian, gap, bias = np.zeros((rows, chain.nv)), np.zeros(rows), np.zeros(rows)
+    for k, coupling in enumerate(chain.couplings):
+        # Horner's scheme for p, p' and p''.
+        value = slope = half_curve = 0.0
+        x = float(q[at[coupling.joint2].q_index][0]) if coupling.joint2 else 0.0
+        for coefficient in reversed(coupling.polynomial):
+            half_curve = half_curve * x + slope
+            slope = slope * x + value
+            value = value * x + coefficient
+        first = at[coupling.joint1]
+        jacobian[k, first.v_index] = 1.0
+        gap[k] = float(q[first.q_index][0]) - value
+        if coupling.joint2:
+            second = at[coupling.joint2].v_index
+            jacobian[k, second] = -slope
+            bias[k] = -2.0 * half_curve * float(v[second][0]) ** 2
+    return GearRows(jacobian, gap, bias)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Loops as wrenches: each loop row is a wrench that the closure transmits from link 1 to link 2
+#
+# With v_rel the spatial velocity of link 2 relative to link 1 and T the wrench of a row, the rate of the gap is Tᵀ
+# v_rel.
+# T belongs to link 1 but for what the joint itself moves, so that its rate is T° + v₁ ×* T, with T° as seen from link
+# 1.
+# Everything stands in base coordinates, [angular; linear]. No formula is shared with `stewart_pin.state`.
+#
+# References
+# ----------
+# .. [1] R. Featherstone, "Rigid Body Dynamics Algorithms", Springer, 2008, ch. 8.
+# ----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class LoopWrenches:
+    """Rows of one loop.
+
+    Attributes
+    ----------
+    body1, body2
+        Numbers of the bodies.
+    wrench1, wrench2
+        (6, r) wrenches in the coordinates of either body [1 and m].
+    gap
+        (r,) residual of the rows [m and 1].
+    rate
+        (r,) its derivative [m/s and 1/s].
+    bias
+        (r,) its second derivative without acceleration of the bodies [m/s² and 1/s²].
+    """
+
+    body1: int
+    body2: int
+    wrench1: FloatArray
+    wrench2: FloatArray
+    gap: FloatArray
+    rate: FloatArray
+    bias: FloatArray
+
+
+def loop_wrenches(loop: Loop, bodies: Sequence[Body], motion: BodyMotion) -> LoopWrenches:
+    """Evaluate the rows of a loop.
+
+    Parameters
+    ----------
+    loop
+        The loop.
+    bodies
+        Bodies of the tree.
+    motion
+        Their motion, from the first pass.
+
+    Returns
+    -------
+    LoopWrenches
+        Wrenches, gap, rate and bias.
+
+    Raises
+    ------
+    SingularityError
+        If the ends of a distance loop coincide.
+    """
+    number = {body.link: i for i, body in enumerate(bodies)}
+    one, two = number[loop.link1], number[loop.link2]
+    axes1, origin1 = _loop_frame(motion.to_base[one], loop.placement1)
+    axes2, origin2 = _loop_frame(motion.to_base[two], loop.placement2)
+    velocity1, velocity2 = (np.linalg.solve(motion.to_base[k], motion.velocity[k]) for k in (one, two))
+    relative = velocity2 - velocity1
+    arm, spin = skew(origin2), skew(relative[:3])
+    slide = relative[3:] - arm @ relative[:3]  # of frame 2's origin, as seen from link 1: v + ω × p
+    sliding, reach, none = skew(slide), origin2 - origin1, np.zeros(3)
+    wrenches, rates, gaps = [], [], []
+    for row in closure_rows(loop):
+        match row:
+            case NormalRow():
+                n = axes1 @ row.normal
+                gaps.append(n @ reach)
+                wrenches.append(np.concatenate([arm @ n, n]))
+                rates.append(np.concatenate([sliding @ n, none]))
+            case AngleRow():
+                u1, u2 = axes1 @ row.u1, axes2 @ row.u2
+                gaps.append(u1 @ u2)
+                wrenches.append(np.concatenate([-skew(u1) @ u2, none]))  # u2 × u1
+                rates.append(np.concatenate([-skew(u1) @ (spin @ u2), none]))
+            case LengthRow():
+                distance = float(np.linalg.norm(reach))
+                if distance == 0.0:
+                    raise SingularityError(
+                        f"the ends of the distance loop '{loop.name}' coincide, so its direction is undefined",
+                        smallest_singular_value=0.0,
+                    )
+                e = reach / distance
+                turn = (slide - e * (e @ slide)) / distance
+                gaps.append(distance - row.length)
+                wrenches.append(np.concatenate([arm @ e, e]))
+                rates.append(np.concatenate([sliding @ e + arm @ turn, turn]))
+    wrench = np.array(wrenches).reshape(-1, 6).T
+    apparent_rate = np.array(rates).reshape(-1, 6)
+    return LoopWrenches(
+        body1=one,
+        body2=two,
+        wrench1=np.linalg.solve(motion.to_base[one].T, wrench),  # f₀ = ⁱX₀ᵀ fᵢ
+        wrench2=np.linalg.solve(motion.to_base[two].T, wrench),
+        gap=np.array(gaps),
+        rate=wrench.T @ relative,
+        # (T° + v₁ ×* T)ᵀ v_rel, and (v ×*)ᵀ = -(v ×)
+        bias=apparent_rate @ relative - wrench.T @ (cross_motion(velocity1) @ relative),
+    )
+
+
+def _loop_frame(to_base: FloatArray, placement: pin.SE3) -> tuple[FloatArray, FloatArray]:
+    """Axes (3, 3) and origin (3,) of a loop frame in base coordinates, read off ⁱX₀ = [[E, 0], [-E r×, E]]."""
+    rotation = to_base[:3, :3].T
+    cross = -rotation @ to_base[3:, :3]
+    origin = np.array([cross[2, 1], cross[0, 2], cross[1, 0]])
+    return rotation @ placement.rotation, origin + rotation @ placement.translation
+
+
+# ----------------------------------------------------------------------------------------------------
+# Forward dynamics of chains with loops: the three passes, then the forces that keep the loops closed
+# ----------------------------------------------------------------------------------------------------
 
 _LENT = 0.1
 """Arm, in robot sizes, at which a lent rotor has all the mass of the robot."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from stewart_pin.checks import as_array
-from stewart_pin.mechanics.articulated_body.base_motion import BaseMotion
 from stewart_pin.mechanics.articulated_body.bodies import tree_bodies
-from stewart_pin.mechanics.articulated_body.passes import first_pass, respond
+from stewart_pin.mechanics.articulated_body.passes import BaseMotion, first_pass, respond
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.state.state import as_chain
 from stewart_pin.typing import ArrayLike, Tangent

@@ -9,7 +9,7 @@ import numpy as np
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.geometry.hexapod import Hexapod, leg_forces_for_wrench, leg_jacobian
-from stewart_pin.mechanics.capability.linear_program import maximise
+from stewart_pin.mechanics.capability.enumeration import maximise
 from stewart_pin.mechanics.capability.platform_space import as_limit
 from stewart_pin.typing import ArrayLike, FloatArray
 

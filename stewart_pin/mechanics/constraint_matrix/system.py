@@ -28,8 +28,13 @@ from stewart_pin.mechanics.constraint_matrix.columns import (
     passive_columns,
 )
 from stewart_pin.mechanics.constraint_matrix.couplings import coupling_parts
-from stewart_pin.mechanics.constraint_matrix.kinematics import JointMotion, LinkMotion, tree_motion
-from stewart_pin.mechanics.constraint_matrix.spatial import cross_force, spatial_inertia
+from stewart_pin.mechanics.constraint_matrix.kinematics import (
+    JointMotion,
+    LinkMotion,
+    cross_force,
+    spatial_inertia,
+    tree_motion,
+)
 from stewart_pin.mechanics.constraint_matrix.topology import Topology, topology
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State, as_state

@@ -19,8 +19,7 @@ from stewart_pin.brief import Brief
 from stewart_pin.mechanics.forward_dynamics import forward_dynamics
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_norm
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.reaction_derivatives import reaction_forces
-from stewart_pin.state.row_derivatives import row_derivatives
+from stewart_pin.state.row_derivatives import reaction_forces, row_derivatives
 from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent

@@ -11,8 +11,14 @@ import pinocchio as pin
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import InputError
-from stewart_pin.mechanics.singularity.screws import Screw, twist_and_wrench
-from stewart_pin.mechanics.singularity.split import MEANING, JacobianSplit, SingularityKind, split_jacobians
+from stewart_pin.mechanics.singularity.split import (
+    MEANING,
+    JacobianSplit,
+    Screw,
+    SingularityKind,
+    split_jacobians,
+    twist_and_wrench,
+)
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import TWIST_AXES, FreedomCount, TwistAxis, count_at, counted
 from stewart_pin.state.generic import generic_freedom
