@@ -12,10 +12,10 @@ from stewart_pin.building.resources import find_robot
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError, MechanismError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
-from stewart_pin.model.candidates import platform_candidates
 from stewart_pin.model.description import JointKind, Mechanism
 from stewart_pin.model.formats.precision import Precision, printed_precision
 from stewart_pin.model.formats.reading import read_mechanism
+from stewart_pin.model.roles import platform_candidates
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import keep_odd_inertias, validate
 from stewart_pin.state.chain import ClosedChain

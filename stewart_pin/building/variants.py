@@ -13,8 +13,8 @@ from stewart_pin.building.roles import require_link, with_fixed_link
 from stewart_pin.building.rotors import with_rotors_of
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.model.description import Link
-from stewart_pin.model.fixed_links import fixed_to
 from stewart_pin.model.tree import build_tree
+from stewart_pin.model.unfolding import fixed_to
 from stewart_pin.model.validation import validate
 from stewart_pin.state.chain import ClosedChain, as_pose
 from stewart_pin.state.state import as_chain

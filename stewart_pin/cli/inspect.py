@@ -12,7 +12,7 @@ from rich.table import Table
 from stewart_pin.building.loading import load
 from stewart_pin.cli.output import console, write_json
 from stewart_pin.mechanics.mobility import Mobility, mobility
-from stewart_pin.model.candidates import motor_candidates, platform_candidates
+from stewart_pin.model.roles import motor_candidates, platform_candidates
 
 _SHOWN = 12
 """Most sets of spare motors in the table; the file has all that were found."""

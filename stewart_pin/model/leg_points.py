@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Mechanism
-from stewart_pin.model.fixed_links import fixed_to
+from stewart_pin.model.unfolding import fixed_to
 from stewart_pin.tolerances import PRINTED
 from stewart_pin.typing import FloatArray
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Note, Outcome
-from stewart_pin.model.loop_rows import orthonormal_triad
+from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Mechanism, Note, Outcome
+from stewart_pin.model.loop_table import orthonormal_triad
 from stewart_pin.typing import FloatArray
 
 
@@ -171,3 +171,39 @@ def _row(
     made = " and ".join(f"'{joint.name}'" for joint in joints)
     note = Note(f"joint '{name}'", f"{kind} joint unfolded into {made}", Outcome.CHANGED)
     return Unfolded(tuple(Link(link) for link in between), joints, (), note)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Links that move as one: whatever fixed joints hold together
+# ----------------------------------------------------------------------------------------------------
+
+
+def fixed_to(mechanism: Mechanism, link: str) -> dict[str, pin.SE3]:
+    """Find the links that fixed joints hold to a link.
+
+    Parameters
+    ----------
+    mechanism
+        Description.
+    link
+        Name of a link.
+
+    Returns
+    -------
+    dict
+        Placements of the links in it, itself first: ``{link: placement}``.
+    """
+    placements, frontier = {link: pin.SE3.Identity()}, [link]
+    while frontier:
+        name = frontier.pop()
+        for joint in mechanism.joints:
+            if joint.kind is not JointKind.FIXED:
+                continue
+            for here, there, step in (
+                (joint.parent, joint.child, joint.placement),
+                (joint.child, joint.parent, joint.placement.inverse()),
+            ):
+                if here == name and there not in placements:
+                    placements[there] = placements[name] * step
+                    frontier.append(there)
+    return placements

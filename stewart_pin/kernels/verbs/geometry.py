@@ -1,4 +1,4 @@
-"""Which derivatives by the geometry are asked for, by which way they are had, and which of them do not exist."""
+"""Derivatives of the dynamics of arrays of states with respect to where joints and loops are attached."""
 
 from __future__ import annotations
 
@@ -17,6 +17,11 @@ from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:
     from stewart_pin.kernels.graph.function_set import FunctionSet
+
+
+# ----------------------------------------------------------------------------------------------------
+# Which derivatives by the geometry are asked for, by which way they are had, and which of them do not exist
+# ----------------------------------------------------------------------------------------------------
 
 
 Along: TypeAlias = ArrayLike | Sequence[GeometryParameter]
@@ -94,8 +99,6 @@ def _as_displacements(parameters: Sequence[GeometryParameter], along: Any) -> Fl
     return np.eye(len(places))[:, [places[x] for x in along]]
 
 
-# ----------------------------------------------------------------------------------------------------
-# Derivatives of the dynamics of arrays of states with respect to where joints and loops are attached
 # ----------------------------------------------------------------------------------------------------
 
 _BLOCK = 4096

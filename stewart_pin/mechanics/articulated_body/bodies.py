@@ -1,8 +1,12 @@
-"""Spatial vectors in Featherstone's order, [angular; linear], in body coordinates.
+"""Bodies and joints in the textbook's terms: parent λ, tree transform X_T, joint transform X_J, motion subspace S.
+
+This is the one place where Pinocchio's order of coordinates meets Featherstone's order of spatial vectors: in the
+columns of S. A spherical joint's rates are the angular velocity of the child in child axes, a floating joint's are
+[linear; angular] in child axes, so the columns of its S are the linear axes first.
 
 References
 ----------
-.. [1] R. Featherstone, "Rigid Body Dynamics Algorithms", Springer, 2008, ch. 2.
+.. [1] R. Featherstone, "Rigid Body Dynamics Algorithms", Springer, 2008, ch. 4.
 """
 
 from __future__ import annotations
@@ -17,6 +21,14 @@ from scipy.spatial.transform import Rotation
 from stewart_pin.model.description import Joint, JointKind
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray
+
+# ----------------------------------------------------------------------------------------------------
+# Spatial vectors in Featherstone's order, [angular; linear], in body coordinates
+#
+# References
+# ----------
+# .. [1] R. Featherstone, "Rigid Body Dynamics Algorithms", Springer, 2008, ch. 2.
+# ----------------------------------------------------------------------------------------------------
 
 
 def skew(vector: FloatArray) -> FloatArray:
@@ -98,16 +110,6 @@ def spatial_inertia(inertia: pin.Inertia | None) -> FloatArray:
     return np.block([[inertia.inertia - mass * c @ c, mass * c], [-mass * c, mass * np.eye(3)]])
 
 
-# ----------------------------------------------------------------------------------------------------
-# Bodies and joints in the textbook's terms: parent λ, tree transform X_T, joint transform X_J, motion subspace S
-#
-# This is the one place where Pinocchio's order of coordinates meets Featherstone's order of spatial vectors: in the
-# columns of S. A spherical joint's rates are the angular velocity of the child in child axes, a floating joint's are
-# [linear; angular] in child axes, so the columns of its S are the linear axes first.
-#
-# References
-# ----------
-# .. [1] R. Featherstone, "Rigid Body Dynamics Algorithms", Springer, 2008, ch. 4.
 # ----------------------------------------------------------------------------------------------------
 
 

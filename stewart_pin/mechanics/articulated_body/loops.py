@@ -1,4 +1,4 @@
-"""Couplings as rows of joint rates: q1 = p(q2) holds v1 - p' v2 = 0 and a1 - p' a2 = p'' v2²."""
+"""Forward dynamics of chains with loops: the three passes, then the forces that keep the loops closed."""
 
 from __future__ import annotations
 
@@ -20,11 +20,15 @@ from stewart_pin.mechanics.articulated_body.passes import (
 )
 from stewart_pin.mechanics.effort import Motion
 from stewart_pin.model.description import Loop
-from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows
+from stewart_pin.model.loop_table import AngleRow, LengthRow, NormalRow, closure_rows
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import NOTHING
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
+
+# ----------------------------------------------------------------------------------------------------
+# Couplings as rows of joint rates: q1 = p(q2) holds v1 - p' v2 = 0 and a1 - p' a2 = p'' v2²
+# ----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,8 +210,6 @@ def _loop_frame(to_base: FloatArray, placement: pin.SE3) -> tuple[FloatArray, Fl
     return rotation @ placement.rotation, origin + rotation @ placement.translation
 
 
-# ----------------------------------------------------------------------------------------------------
-# Forward dynamics of chains with loops: the three passes, then the forces that keep the loops closed
 # ----------------------------------------------------------------------------------------------------
 
 _LENT = 0.1

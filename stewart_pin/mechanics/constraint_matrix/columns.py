@@ -1,7 +1,7 @@
-"""What each kind of loop closure transmits, told a second time for the maximal-coordinate system.
+"""Columns of the constraint matrix: the forces that a joint can transmit, and the accelerations it forbids.
 
-This table is this system's own: it judges the rows of `stewart_pin.model.loop_rows`, so nothing of it comes from there.
-Entries stand in the order of the reactions, `ClosedChain.loop_table`.
+A joint with motion axes S transmits the wrenches T with Tᵀ S = 0. It adds +T to the rows of its successor and -T to
+those of its predecessor, and demands Tᵀ (a_successor - a_predecessor) = c.
 """
 
 from __future__ import annotations
@@ -21,6 +21,14 @@ from stewart_pin.mechanics.constraint_matrix.kinematics import (
 from stewart_pin.mechanics.constraint_matrix.topology import CompoundJoint
 from stewart_pin.model.description import JointKind, Loop
 from stewart_pin.typing import FloatArray
+
+# ----------------------------------------------------------------------------------------------------
+# What each kind of loop closure transmits, told a second time for the maximal-coordinate system
+#
+# This table is this system's own: it judges the rows of `stewart_pin.model.loop_table`, so nothing of it comes from
+# there.
+# Entries stand in the order of the reactions, `ClosedChain.loop_table`.
+# ----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +124,6 @@ def _beside(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.cross(up, axis), up
 
 
-# ----------------------------------------------------------------------------------------------------
-# Columns of the constraint matrix: the forces that a joint can transmit, and the accelerations it forbids
-#
-# A joint with motion axes S transmits the wrenches T with Tᵀ S = 0. It adds +T to the rows of its successor and -T to
-# those of its predecessor, and demands Tᵀ (a_successor - a_predecessor) = c.
 # ----------------------------------------------------------------------------------------------------
 
 _DISTINCT = 1e-10

@@ -1,10 +1,4 @@
-"""Spatial algebra at the world origin, for the maximal-coordinate system.
-
-References
-----------
-.. [1] R. Featherstone, "Rigid Body Dynamics Algorithms", Springer, 2008, ch. 2. His order is [angular; linear], the
-   order here is Pinocchio's, [linear; angular].
-"""
+"""Placements and twists of all links, by the chain of joint transforms: own formulas, no Pinocchio algorithm."""
 
 from __future__ import annotations
 
@@ -17,6 +11,15 @@ from scipy.spatial.transform import Rotation
 from stewart_pin.model.description import Joint, JointKind
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
+
+# ----------------------------------------------------------------------------------------------------
+# Spatial algebra at the world origin, for the maximal-coordinate system
+#
+# References
+# ----------
+# .. [1] R. Featherstone, "Rigid Body Dynamics Algorithms", Springer, 2008, ch. 2. His order is [angular; linear], the
+#    order here is Pinocchio's, [linear; angular].
+# ----------------------------------------------------------------------------------------------------
 
 
 def skew(vector: FloatArray) -> FloatArray:
@@ -135,8 +138,6 @@ def motion_about(point: FloatArray, motion: FloatArray) -> FloatArray:
     return np.concatenate([motion[:3] - skew(point) @ motion[3:], motion[3:]])
 
 
-# ----------------------------------------------------------------------------------------------------
-# Placements and twists of all links, by the chain of joint transforms: own formulas, no Pinocchio algorithm
 # ----------------------------------------------------------------------------------------------------
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from stewart_pin.errors import FileFormatError, UnsupportedError
 from stewart_pin.model.description import Mechanism
+from stewart_pin.model.formats.dialect import side_car_suffixes
 from stewart_pin.model.formats.mjcf.reading import read_mjcf
 from stewart_pin.model.formats.sdf import read_sdf
-from stewart_pin.model.formats.side_cars import side_car_suffixes
 from stewart_pin.model.formats.urdf import read_urdf
 from stewart_pin.model.formats.xml import read_xml, shown_tag
 

@@ -11,8 +11,7 @@ from lxml import etree
 
 from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Note, Outcome
-from stewart_pin.model.formats.foreign_tags import reason_to_ignore
-from stewart_pin.model.formats.xml import ElementReader, read_xml, shown_tag
+from stewart_pin.model.formats.xml import ElementReader, read_xml, reason_to_ignore, shown_tag
 from stewart_pin.typing import FloatArray
 
 INERTIA_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}

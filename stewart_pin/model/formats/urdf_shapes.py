@@ -14,9 +14,8 @@ from pathlib import Path
 from lxml import etree
 
 from stewart_pin.errors import FileFormatError
-from stewart_pin.model.formats.foreign_tags import reason_to_ignore
 from stewart_pin.model.formats.urdf_elements import UrdfElements
-from stewart_pin.model.formats.xml import shown_tag
+from stewart_pin.model.formats.xml import reason_to_ignore, shown_tag
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, fault_of_sizes
 
 SHAPE_TAGS = ("visual", "collision")

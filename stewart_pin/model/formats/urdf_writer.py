@@ -3,18 +3,152 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TypeGuard
 
 import numpy as np
 import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
-from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Mechanism, Note
-from stewart_pin.model.formats.side_cars import COMPLETE, find_beside
+from stewart_pin.geometry.rotations import rpy_from_rotation
+from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Mechanism, Note, Outcome
+from stewart_pin.model.formats.dialect import COMPLETE, find_beside
 from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES
-from stewart_pin.model.formats.urdf_placements import write_origin
-from stewart_pin.model.formats.urdf_shape_writer import UrdfShapes
+from stewart_pin.model.formats.urdf_shapes import SIZE_ATTRIBUTES
 from stewart_pin.model.formats.xml import UNLIMITED, number_text
+from stewart_pin.model.shapes import Material, MaterialNames, Shape, ShapeKind, path_from, rounded_as_three
+
+# ----------------------------------------------------------------------------------------------------
+# Placements as URDF has them, for the writers of all dialects
+# ----------------------------------------------------------------------------------------------------
+
+
+def write_origin(element: etree._Element, placement: pin.SE3) -> None:
+    """Write a placement as ``<origin>``, unless it is the identity.
+
+    Parameters
+    ----------
+    element
+        Where to put it.
+    placement
+        The placement.
+    """
+    attributes = pose_attributes(placement)
+    if attributes:
+        etree.SubElement(element, "origin", attributes)
+
+
+def pose_attributes(placement: pin.SE3) -> dict[str, str]:
+    """Print a placement as the attributes ``xyz`` and ``rpy``.
+
+    Parameters
+    ----------
+    placement
+        The placement.
+
+    Returns
+    -------
+    dict
+        Without ``rpy`` where nothing is turned; empty for the identity.
+    """
+    rpy = rpy_from_rotation(placement.rotation)
+    turned = {"rpy": number_text(rpy)} if rpy.any() else {}
+    moved = {"xyz": number_text(placement.translation)} if turned or placement.translation.any() else {}
+    return moved | turned
+
+
+# ----------------------------------------------------------------------------------------------------
+# Shapes of links as ``<visual>``, ``<collision>`` and ``<material>`` of a URDF
+# ----------------------------------------------------------------------------------------------------
+
+
+class UrdfShapes:
+    """Writes the shapes of one file.
+
+    Parameters
+    ----------
+    folder
+        Folder of the file: meshes and textures are named as seen from there.
+
+    Attributes
+    ----------
+    notes
+        What URDF has no word for.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.notes: list[Note] = []
+        self.materials = MaterialNames()
+
+    def write(self, element: etree._Element, link: Link) -> None:
+        """Write the shapes of a link.
+
+        Parameters
+        ----------
+        element
+            The ``<link>``.
+        link
+            What it describes.
+        """
+        for tag, shapes in (("visual", link.visuals), ("collision", link.collisions)):
+            for shape in shapes:
+                self._write(element, tag, shape, f"link '{link.name}'")
+
+    def write_materials(self, robot: etree._Element) -> None:
+        """Write what the shapes are made of, before all links.
+
+        Parameters
+        ----------
+        robot
+            The ``<robot>``, with its links.
+        """
+        for number, (name, material) in enumerate(self.materials.named.items()):
+            element = etree.Element("material", name=name)
+            if material.rgba is not None:
+                etree.SubElement(element, "color", rgba=number_text(material.rgba))
+            if material.texture:
+                picture = path_from(self.folder, material.texture, material.folder)
+                etree.SubElement(element, "texture", filename=picture)
+            robot.insert(number, element)
+
+    def _write(self, link: etree._Element, tag: str, shape: Shape, owner: str) -> None:
+        match shape.kind:
+            case ShapeKind.CAPSULE:
+                text = f"{tag}: URDF has no capsules; written as a cylinder and two balls"
+                self.notes.append(Note(owner, text, Outcome.CHANGED))
+                for part in rounded_as_three(shape):
+                    if all(part.sizes):
+                        self._write(link, tag, part, owner)
+            case ShapeKind.ELLIPSOID:
+                self.notes.append(Note(owner, f"{tag}: URDF has no ellipsoids; left out"))
+            case _:
+                self._element(link, tag, shape)
+
+    def _element(self, link: etree._Element, tag: str, shape: Shape) -> None:
+        element = etree.SubElement(link, tag, {"name": shape.name} if shape.name else {})
+        write_origin(element, shape.placement)
+        geometry = etree.SubElement(element, "geometry")
+        if shape.kind is ShapeKind.MESH:
+            mesh = etree.SubElement(
+                geometry, "mesh", filename=path_from(self.folder, shape.mesh, shape.folder)
+            )
+            if any(size != 1 for size in shape.sizes):
+                mesh.set("scale", number_text(shape.sizes))
+        else:
+            attributes = SIZE_ATTRIBUTES[shape.kind]
+            values = [shape.sizes] if len(attributes) == 1 else [[size] for size in shape.sizes]
+            texts = (number_text(value) for value in values)
+            etree.SubElement(geometry, str(shape.kind), dict(zip(attributes, texts, strict=True)))
+        if tag == "visual" and _says_something(shape.material):
+            etree.SubElement(element, "material", name=self.materials.name(shape.material))
+
+
+def _says_something(material: Material | None) -> TypeGuard[Material]:
+    return material is not None and bool(material.name or material.texture or material.rgba)
+
+
+# ----------------------------------------------------------------------------------------------------
 
 
 def tree_element(

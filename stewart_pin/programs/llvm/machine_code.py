@@ -1,4 +1,4 @@
-"""The machine that a kernel is made for: its name, what it can do, and how many bytes one register holds."""
+"""Machine code of a module, alive as long as the function that it becomes."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from stewart_pin.errors import InputError, MissingExtraError, UnsupportedError
+
+# ----------------------------------------------------------------------------------------------------
+# The machine that a kernel is made for: its name, what it can do, and how many bytes one register holds
+# ----------------------------------------------------------------------------------------------------
+
 
 _X86 = {
     64: ("x86-64-v4", "+avx512f,+avx512vl,+avx512dq,+avx512bw,+avx512cd,+fma,+avx2"),
@@ -166,8 +171,6 @@ if hasattr(os, "register_at_fork"):
     )
 
 
-# ----------------------------------------------------------------------------------------------------
-# Machine code of a module, alive as long as the function that it becomes
 # ----------------------------------------------------------------------------------------------------
 
 

@@ -1,8 +1,9 @@
-"""Move rows of several states to vectors of one entry each, and back: transposition in registers.
+"""Wrap a program in the two functions that are called: one for ranges of states, one for a single state.
 
-States lie in memory row after row, (N, size); the operations want one entry of `lanes` states in one register.
-A state of 19 numbers in and 6 out takes 5.1 ns so; loads of single numbers take 6.1 ns, the gather instruction 9.5 ns
-(float64, AVX-512, Zen 5).
+The function for ranges takes a table of addresses: for each input and output the first entry and the distance between
+states in bytes, then the status bytes, or null. It always works on full vectors; lanes beyond the end repeat the last
+state and write the same values to the same place again, so a state's result does not depend on where it stands. The
+function for one state knows its addresses, and takes no argument. Outputs that only judge a state are not written.
 """
 
 from __future__ import annotations
@@ -20,6 +21,14 @@ from stewart_pin.programs.llvm.writer import Writer
 from stewart_pin.programs.program import Program, require_output
 from stewart_pin.programs.repeating import Repeat
 from stewart_pin.programs.status import StateBound, StateStatus, written_outputs
+
+# ----------------------------------------------------------------------------------------------------
+# Move rows of several states to vectors of one entry each, and back: transposition in registers
+#
+# States lie in memory row after row, (N, size); the operations want one entry of `lanes` states in one register.
+# A state of 19 numbers in and 6 out takes 5.1 ns so; loads of single numbers take 6.1 ns, the gather instruction 9.5 ns
+# (float64, AVX-512, Zen 5).
+# ----------------------------------------------------------------------------------------------------
 
 
 def load_columns(writer: Writer, rows: Sequence[str], size: int) -> list[str]:
@@ -145,13 +154,6 @@ def _mask(lanes: Sequence[int] | range) -> str:
     return f"<{len(lanes)} x i32> <{', '.join(f'i32 {k}' for k in lanes)}>"
 
 
-# ----------------------------------------------------------------------------------------------------
-# Wrap a program in the two functions that are called: one for ranges of states, one for a single state
-#
-# The function for ranges takes a table of addresses: for each input and output the first entry and the distance between
-# states in bytes, then the status bytes, or null. It always works on full vectors; lanes beyond the end repeat the last
-# state and write the same values to the same place again, so a state's result does not depend on where it stands. The
-# function for one state knows its addresses, and takes no argument. Outputs that only judge a state are not written.
 # ----------------------------------------------------------------------------------------------------
 
 

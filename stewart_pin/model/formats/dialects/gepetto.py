@@ -28,7 +28,7 @@ from stewart_pin.model.formats.dialects.mimic import write_mimics
 from stewart_pin.model.formats.frames import carrier, find_frame
 from stewart_pin.model.formats.urdf_writer import save, tree_element
 from stewart_pin.model.formats.yaml import read_lists
-from stewart_pin.model.motors import mark_motors
+from stewart_pin.model.roles import mark_motors
 from stewart_pin.model.unfolding import unfold_universal
 
 _KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")

@@ -27,8 +27,7 @@ from stewart_pin.model.formats.dialects.mimic import write_mimics
 from stewart_pin.model.formats.frames import AT_ZERO, relative_at_zero
 from stewart_pin.model.formats.urdf_core import read_bounds
 from stewart_pin.model.formats.urdf_elements import UrdfElements
-from stewart_pin.model.formats.urdf_placements import pose_attributes
-from stewart_pin.model.formats.urdf_writer import save, tree_element
+from stewart_pin.model.formats.urdf_writer import pose_attributes, save, tree_element
 from stewart_pin.model.formats.xml import shown_tag
 
 _TYPES = {

@@ -13,9 +13,8 @@ from lxml import etree
 
 from stewart_pin.model.description import Note
 from stewart_pin.model.formats.dialect import Dialect, Parts
-from stewart_pin.model.formats.foreign_tags import reason_to_ignore
 from stewart_pin.model.formats.urdf_elements import UrdfElements
-from stewart_pin.model.formats.xml import shown_tag
+from stewart_pin.model.formats.xml import reason_to_ignore, shown_tag
 
 _NOT_DRIVEN = ("PassiveJointInterface", "JointStateInterface")
 _ROTOR = ("drake:rotor_inertia", "drake:gear_ratio")

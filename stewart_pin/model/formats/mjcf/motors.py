@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.model.description import Joint, Note, Span
-from stewart_pin.model.formats.mjcf.compiling import import_mujoco
-from stewart_pin.model.formats.mjcf.names import given_names
+from stewart_pin.model.formats.mjcf.compiling import given_names, import_mujoco
 from stewart_pin.model.formats.mjcf.tree import MUJOCO_FAR, Tree
 
 _NONE: Span = (-np.inf, np.inf)

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from lxml import etree
 
-from stewart_pin.model.description import Note
-from stewart_pin.model.formats.mjcf.asides import GeomSource
-from stewart_pin.model.formats.mjcf.compiling import import_mujoco
-from stewart_pin.model.formats.mjcf.names import given_names
-from stewart_pin.model.formats.mjcf.placements import placement_of
-from stewart_pin.model.shapes import Material, Shape, ShapeKind
+from stewart_pin.model.description import Link, Note
+from stewart_pin.model.formats.mjcf.bodies import place, placement_of
+from stewart_pin.model.formats.mjcf.compiling import GeomSource, given_names, import_mujoco
+from stewart_pin.model.formats.xml import number_text
+from stewart_pin.model.shapes import Material, MaterialNames, Shape, ShapeKind, path_from
 
 _COLLISIONS = 3
 """First group that MuJoCo's viewer does not show, and that of collision shapes."""
@@ -97,3 +98,176 @@ def _shape(model: Any, k: int, name: str, source: GeomSource) -> Shape | str:
     if not np.isfinite(made[1]).all():
         return "its size is not finite: left out"
     return Shape(made[0], made[1], placement, name, material=material)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Shapes of links as ``<geom>``: they are seen and found, but touch nothing, as a mechanism has no contacts
+#
+# As usual among files of robots, what is to be seen stands in group 2, collision shapes in group 3.
+# ----------------------------------------------------------------------------------------------------
+
+GROUPS = {"visual": 2, "collision": 3}
+"""Group of each kind of shape; MuJoCo's viewer shows groups 0 to 2."""
+_MESHES = (".stl", ".obj", ".msh")
+_NO_FILE = "left out: MuJoCo would refuse the file, as there is no such mesh beside it"
+
+
+_NOT_BINARY = "left out: MuJoCo reads only binary STL of at most 200000 faces"
+_STL_HEAD, _STL_FACE, _MOST_FACES = 84, 50, 200_000
+"""Bytes before the faces of a binary STL, bytes of a face, and MuJoCo's largest number of them."""
+
+
+class MjcfShapes:
+    """Writes the shapes of one file.
+
+    Parameters
+    ----------
+    folder
+        Folder of the file: meshes are named as seen from there.
+
+    Attributes
+    ----------
+    notes
+        What MuJoCo has no word for.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.notes: list[Note] = []
+        self.materials = MaterialNames()
+        self.meshes: dict[tuple[str, tuple[float, ...]], str] = {}
+        self.used: set[str] = set()
+        self.names: set[str] = set()
+
+    def write(self, element: etree._Element, link: Link) -> None:
+        """Write the shapes of a link.
+
+        Parameters
+        ----------
+        element
+            Its ``<body>``.
+        link
+            The link.
+        """
+        for role, shapes in (("visual", link.visuals), ("collision", link.collisions)):
+            for shape in shapes:
+                fault = self._fault(shape)
+                if fault:
+                    self.notes.append(Note(f"link '{link.name}'", f"{role}: {fault}"))
+                else:
+                    self._geom(element, role, shape, link)
+
+    def leave_out(self, link: Link) -> None:
+        """Note the shapes of a link that vanishes.
+
+        Parameters
+        ----------
+        link
+            The link.
+        """
+        for role, shapes in (("visual", link.visuals), ("collision", link.collisions)):
+            if shapes:
+                text = f"{role}: left out, for the link has no mass, and vanishes into the next body"
+                self.notes.append(Note(f"link '{link.name}'", text))
+
+    def finish(self, root: etree._Element) -> None:
+        """Write what the shapes refer to: defaults, materials and meshes, before the bodies.
+
+        Parameters
+        ----------
+        root
+            The ``<mujoco>``, with its bodies.
+        """
+        if self.used:
+            defaults = root.find("default")
+            if defaults is None:
+                defaults = etree.Element("default")
+                _before_bodies(root, defaults)
+            for role in sorted(self.used):
+                inner = etree.SubElement(defaults, "default", {"class": role})
+                etree.SubElement(inner, "geom", contype="0", conaffinity="0", group=str(GROUPS[role]))
+        if self.materials.named or self.meshes:
+            assets = etree.Element("asset")
+            _before_bodies(root, assets)
+            for name, material in self.materials.named.items():
+                element = etree.SubElement(assets, "material", name=name)
+                if material.rgba is not None:
+                    element.set("rgba", number_text(material.rgba))
+            for (file, scale), name in self.meshes.items():
+                # Of a shell MuJoCo asks no volume.
+                element = etree.SubElement(assets, "mesh", name=name, file=file, inertia="shell")
+                if any(size != 1 for size in scale):
+                    element.set("scale", number_text(scale))
+
+    def _fault(self, shape: Shape) -> str:
+        if shape.kind is not ShapeKind.MESH:
+            return ""
+        if "://" in shape.mesh or not (Path(shape.folder) / shape.mesh).is_file():
+            return _NO_FILE
+        suffix = Path(shape.mesh).suffix
+        if suffix.lower() not in _MESHES:
+            return f"left out: MuJoCo reads no meshes of type '{suffix}'"
+        is_stl = suffix.lower() == ".stl"
+        return _NOT_BINARY if is_stl and not _is_binary_stl(Path(shape.folder) / shape.mesh) else ""
+
+    def _geom(self, body: etree._Element, role: str, shape: Shape, link: Link) -> None:
+        self.used.add(role)
+        element = etree.SubElement(body, "geom", {"class": role})
+        if shape.name and shape.name not in self.names:
+            self.names.add(shape.name)
+            element.set("name", shape.name)
+        element.set("type", str(shape.kind))
+        if shape.kind is ShapeKind.MESH:
+            element.set("mesh", self._mesh(shape))
+        else:
+            element.set("size", number_text(half_sizes(shape)))
+        place(element, shape.placement)
+        material = shape.material
+        if material is None:
+            return
+        if material.texture:
+            self.notes.append(Note(f"link '{link.name}'", f"texture '{material.texture}': left out"))
+        if material.name:
+            element.set("material", self.materials.name(material))
+        elif material.rgba is not None:
+            element.set("rgba", number_text(material.rgba))
+
+    def _mesh(self, shape: Shape) -> str:
+        key = path_from(self.folder, shape.mesh, shape.folder), shape.sizes
+        stem, taken = Path(shape.mesh).stem, self.meshes.values()
+        names = (stem if k == 1 else f"{stem}_{k}" for k in range(1, len(self.meshes) + 2))
+        return self.meshes.setdefault(key, next(name for name in names if name not in taken))
+
+
+def half_sizes(shape: Shape) -> list[float]:
+    """Convert sizes to MuJoCo's, which are half edges and half lengths.
+
+    Parameters
+    ----------
+    shape
+        No mesh.
+
+    Returns
+    -------
+    list of float
+        Attribute ``size`` [m].
+    """
+    match shape.kind:
+        case ShapeKind.BOX:
+            return [size / 2 for size in shape.sizes]
+        case ShapeKind.CYLINDER | ShapeKind.CAPSULE:
+            return [shape.sizes[0], shape.sizes[1] / 2]
+        case _:
+            return list(shape.sizes)
+
+
+def _is_binary_stl(file: Path) -> bool:
+    with file.open("rb") as stream:
+        faces = int.from_bytes(stream.read(_STL_HEAD)[-4:], "little")
+    return 0 < faces <= _MOST_FACES and file.stat().st_size == _STL_HEAD + _STL_FACE * faces
+
+
+def _before_bodies(root: etree._Element, element: etree._Element) -> None:
+    world = root.find("worldbody")
+    assert world is not None
+    world.addprevious(element)

@@ -18,10 +18,15 @@ import pinocchio as pin
 
 from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import Joint, JointKind, Link, Note, Outcome
-from stewart_pin.model.formats.mjcf.asides import PLATFORM, SPEED, Asides
-from stewart_pin.model.formats.mjcf.compiling import import_mujoco
-from stewart_pin.model.formats.mjcf.names import Names, given_names
-from stewart_pin.model.formats.mjcf.placements import placement_of
+from stewart_pin.model.formats.mjcf.bodies import placement_of
+from stewart_pin.model.formats.mjcf.compiling import (
+    PLATFORM,
+    SPEED,
+    Asides,
+    Names,
+    given_names,
+    import_mujoco,
+)
 from stewart_pin.model.formats.mjcf.shapes import read_shapes
 from stewart_pin.typing import FloatArray
 

@@ -28,11 +28,10 @@ from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Link, Mechanism, Note, Outcome
-from stewart_pin.model.formats.mjcf.asides import ASSEMBLED, HOME, PLATFORM, SPEED
-from stewart_pin.model.formats.mjcf.bodies import Body, plan_bodies
+from stewart_pin.model.formats.mjcf.bodies import Body, place, plan_bodies, quaternion_text
+from stewart_pin.model.formats.mjcf.compiling import ASSEMBLED, HOME, PLATFORM, SPEED
 from stewart_pin.model.formats.mjcf.equalities import write_equalities
-from stewart_pin.model.formats.mjcf.placements import place, quaternion_text
-from stewart_pin.model.formats.mjcf.shape_writing import MjcfShapes
+from stewart_pin.model.formats.mjcf.shapes import MjcfShapes
 from stewart_pin.model.formats.mjcf.tree import MUJOCO_FAR
 from stewart_pin.model.formats.xml import UNLIMITED, number_text
 from stewart_pin.model.validation import broken_triangle, is_massless

@@ -9,9 +9,15 @@ import numpy as np
 from lxml import etree
 
 from stewart_pin.model.description import Coupling, JointKind, Outcome
-from stewart_pin.model.formats.sdf.axes import axis_direction
 from stewart_pin.model.formats.sdf.frames import Scope
-from stewart_pin.model.formats.sdf.joints import GEARBOX, SdfJoint, ends, joint_frame, link_pose
+from stewart_pin.model.formats.sdf.joints import (
+    GEARBOX,
+    SdfJoint,
+    axis_direction,
+    ends,
+    joint_frame,
+    link_pose,
+)
 from stewart_pin.typing import FloatArray
 
 _PARALLEL = 1e-6

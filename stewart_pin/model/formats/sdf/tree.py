@@ -15,9 +15,8 @@ import pinocchio as pin
 
 from stewart_pin.errors import FileFormatError, MechanismError
 from stewart_pin.model.description import Bounds, Coupling, Joint, JointKind, Link, Loop, Note, Outcome
-from stewart_pin.model.formats.sdf.axes import Axis
 from stewart_pin.model.formats.sdf.frames import WORLD
-from stewart_pin.model.formats.sdf.joints import SdfJoint
+from stewart_pin.model.formats.sdf.joints import Axis, SdfJoint
 from stewart_pin.model.spanning_tree import cut_second_parents
 from stewart_pin.model.unfolding import Unfolded, unfold_planar, unfold_screw, unfold_universal
 from stewart_pin.typing import FloatArray
