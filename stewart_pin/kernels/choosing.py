@@ -23,6 +23,7 @@ from stewart_pin.programs.passes import prepare
 from stewart_pin.programs.program import Program
 from stewart_pin.programs.single_state import SingleState
 from stewart_pin.programs.status import StateBound
+from stewart_pin.programs.symbolic import writing
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import FloatArray
@@ -232,7 +233,9 @@ def _compiled_lengths(hexapod: Hexapod, rotation: FloatArray) -> Callable[[Float
 
     # At one orientation leg i is as long as the platform origin is away from B_i - R P_i.
     centres = hexapod.base_points - hexapod.platform_points @ np.asarray(rotation).T
-    position = ca.SX.sym("position", 3)
-    lengths = [ca.norm_2(position - ca.DM(centre)) for centre in centres]
-    kernel = compile_function(ca.Function("lengths", [position], [ca.vertcat(*lengths)]))
+    with writing():
+        position = ca.SX.sym("position", 3)
+        lengths = [ca.norm_2(position - ca.DM(centre)) for centre in centres]
+        kernel = compile_function(ca.Function("lengths", [position], [ca.vertcat(*lengths)]))
+        del position, lengths
     return lambda points: np.asarray(kernel(points))

@@ -15,6 +15,7 @@ from stewart_pin.kernels.verbs.dynamics import DerivativeVerbs, DynamicsVerbs
 from stewart_pin.kernels.verbs.geometry import GeometryVerbs
 from stewart_pin.kernels.verbs.kinematics import KinematicsVerbs
 from stewart_pin.programs.array_kernel import Engine
+from stewart_pin.programs.symbolic import writing
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import TWIST_AXES
 from stewart_pin.state.state import as_chain
@@ -85,6 +86,10 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
     @property
     def report(self) -> KernelReport:
         """How the kernels were made."""
+        with writing():
+            return self._report()
+
+    def _report(self) -> KernelReport:
         functions = self._functions
         return KernelReport(
             coordinates=self.coordinates,
@@ -243,7 +248,8 @@ def count_operations(function: Any) -> int:
     """
     import casadi as ca  # noqa: PLC0415 - optional; there is a function already
 
-    kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
+    with writing():
+        kinds = [function.instruction_id(k) for k in range(function.n_instructions())]
     return sum(kind not in (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST) for kind in kinds)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from stewart_pin.errors import InputError, MissingExtraError, UnsupportedError
 from stewart_pin.programs.program import Instruction, Kind, Port, Program, ProgramBuilder, n_operands
+from stewart_pin.programs.symbolic import writing
 
 
 def program_from_casadi(function: Any, *, matrices: Collection[str] = ()) -> Program:
@@ -44,12 +45,13 @@ def program_from_casadi(function: Any, *, matrices: Collection[str] = ()) -> Pro
         raise MissingExtraError("casadi", "kernels") from None
     if not isinstance(function, casadi.Function):
         raise InputError(f"function must be a casadi.Function, got {type(function).__name__}")
-    function = _expanded(function)
-    if function.has_free():
-        raise InputError(
-            f"function {function.name()!r} has symbols that are no inputs: {function.get_free()}"
-        )
-    return _Reader(casadi, function, matrices).program()
+    with writing():
+        function = _expanded(function)
+        if function.has_free():
+            raise InputError(
+                f"function {function.name()!r} has symbols that are no inputs: {function.get_free()}"
+            )
+        return _Reader(casadi, function, matrices).program()
 
 
 def _expanded(function: Any) -> Any:

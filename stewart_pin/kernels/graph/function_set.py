@@ -8,7 +8,6 @@ configuration, which Newton steps find first.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Literal
 
 import casadi as ca
@@ -43,6 +42,7 @@ from stewart_pin.kernels.planning.samples import closed_samples
 from stewart_pin.kernels.planning.tree import tree_of
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.description import JointKind
+from stewart_pin.programs.symbolic import drop, writing, written_once
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import BoolArray, Configuration, FloatArray
 
@@ -113,6 +113,14 @@ class FunctionSet:
         self.driven_platform: DrivenPlatform | None = None
         self.why_whole_tree = f"{coordinates} coordinates"
         self._written: dict[str, ca.Function] = {}
+        with writing():
+            self._begin()
+
+    def __del__(self) -> None:
+        drop(self)
+
+    def _begin(self) -> None:
+        chain, coordinates, around = self.chain, self.coordinates, self._around
         if coordinates != "tree" and around is None:
             require_idle_without_effect(chain, closed_samples(chain, count=1)[0])
             try:
@@ -135,12 +143,12 @@ class FunctionSet:
             self.driven_platform = driven_platform.drive_platform(placed)
         self.placed = placed
 
-    @cached_property
+    @written_once
     def closed(self) -> ClosedTree:
         """The whole tree with its loop rows eliminated."""
         return whole_tree.close_tree(self.chain, self._around, closed=self.coordinates != "tree")
 
-    @cached_property
+    @written_once
     def any_state(self) -> ClosedTree:
         """The same for states that may be a little off closed loops."""
         return self.closed if self.coordinates == "tree" else whole_tree.close_tree(self.chain)
@@ -200,7 +208,7 @@ class FunctionSet:
             and any(leg.positions.elbow for leg in self.placed.legs)
         )
 
-    @cached_property
+    @written_once
     def turning(self) -> BoolArray:
         """(nu,) whether a motor turns, whose position then counts modulo a turn where a pose tells it."""
         kinds = {
@@ -210,17 +218,17 @@ class FunctionSet:
         }
         return np.array([kinds.get(int(k)) is JointKind.REVOLUTE for k in self.chain.motor_index])
 
-    @cached_property
+    @written_once
     def driven(self) -> DrivenTree:
         """The whole tree, driven by its platform or its motors."""
         return driven_tree.drive_tree(self.closed, "motor" if self.coordinates == "motor" else "platform")
 
-    @cached_property
+    @written_once
     def motor_driven(self) -> DrivenTree:
         """The whole tree, driven by its motors."""
         return self.driven if self.coordinates == "motor" else driven_tree.drive_tree(self.closed, "motor")
 
-    @cached_property
+    @written_once
     def names(self) -> tuple[str, ...]:
         """Names of the functions."""
         if self.coordinates == "tree":
@@ -234,7 +242,7 @@ class FunctionSet:
         steps = (equations + kind for equations in self._equations for kind in _STEPS)
         return (*own, *steps, *DERIVATIVES, *_BY_TREE, *_TREE)
 
-    @cached_property
+    @written_once
     def _equations(self) -> dict[str, Callable[[], NewtonEquations]]:
         """What Newton steps solve, by name."""
         closing = {"closing": lambda: driven_tree.closing_equations(self.driven)}
@@ -245,7 +253,7 @@ class FunctionSet:
             return closing
         return {**closing, "motor_closing": lambda: driven_tree.closing_equations(self.motor_driven)}
 
-    @cached_property
+    @written_once
     def leg_displacements(self) -> tuple[int, ...]:
         """Displacements of the geometry by which the legs can be differentiated in closed form."""
         if (
@@ -254,12 +262,12 @@ class FunctionSet:
             return ()
         return leg_displacements(self.placed)
 
-    @cached_property
+    @written_once
     def displacements(self) -> MobileDisplacements:
         """Displacements of the geometry along which there is a derivative."""
         return mobile_displacements(self.closed, self._drive, lambda: self._by_tree(_BY_TREE[0]))
 
-    @cached_property
+    @written_once
     def held(self) -> HeldMotion:
         """What of a motion is held while the geometry changes."""
         return hold(self.closed, self._drive)
@@ -303,6 +311,10 @@ class FunctionSet:
         InputError
             If there is no such function.
         """
+        with writing():
+            return self._function(name)
+
+    def _function(self, name: str) -> ca.Function:
         if name not in self.names:
             raise InputError(f"name must be one of {', '.join(self.names)}, got {name!r}")
         if name == "platform_pose":
@@ -323,7 +335,7 @@ class FunctionSet:
                 if name != "reactions":  # whose rows may need the whole configuration, or the norm over it
                     raise
         if name in DERIVATIVES:
-            return dynamics_derivatives(self.function(name.removesuffix("_derivatives")), self.driven)
+            return dynamics_derivatives(self._function(name.removesuffix("_derivatives")), self.driven)
         return _DRIVEN[name](self.driven)
 
     def conditioning_of(self, name: str, function: ca.Function) -> ca.Function | None:
@@ -341,6 +353,10 @@ class FunctionSet:
         casadi.Function or None
             Of the function's first input; None where nothing is divided by, or where only steps are taken.
         """
+        with writing():
+            return self._conditioning_of(name, function)
+
+    def _conditioning_of(self, name: str, function: ca.Function) -> ca.Function | None:
         kind = name.removesuffix("_derivatives").removesuffix("_by_tree").removesuffix("_by_legs")
         if kind not in _HELD and kind not in _FOLLOWING:
             return None

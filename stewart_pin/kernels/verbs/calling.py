@@ -30,6 +30,7 @@ from stewart_pin.programs.arrays import require_apart, require_out
 from stewart_pin.programs.compile_function import compile_function
 from stewart_pin.programs.single_state import SingleState
 from stewart_pin.programs.status import StateStatus
+from stewart_pin.programs.symbolic import drop, writing
 from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:
@@ -95,6 +96,9 @@ class Caller:
         self._starts: dict[str, Starts] = {}
         self._others: OtherPivots[Caller] = OtherPivots(functions, lambda f: type(self)(f, dtype, engine))
 
+    def __del__(self) -> None:
+        drop(self)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names for `casadi`."""
@@ -112,7 +116,7 @@ class Caller:
         Returns
         -------
         casadi.Function
-            Symbolic function of one state, columns in and out.
+            Symbolic function of one state, columns in and out. CasADi is not for several threads at once; kernels are.
 
         Raises
         ------
@@ -120,7 +124,9 @@ class Caller:
             If there is no such function.
         """
         if name not in self._written:
-            self._written[name] = self._functions.function(name)
+            with writing():
+                if name not in self._written:
+                    self._written[name] = self._functions.function(name)
         return self._written[name]
 
     def single_state(self, verb: str) -> SingleState | SearchingState:
@@ -362,7 +368,8 @@ class Caller:
     def _measured(self, name: str) -> Any | None:
         """Conditioning of a function."""
         if name not in self._measures:
-            self._measures[name] = self._functions.conditioning_of(name, self.casadi(name))
+            with writing():
+                self._measures[name] = self._functions.conditioning_of(name, self.casadi(name))
         return self._measures[name]
 
     def _room(
@@ -468,16 +475,19 @@ class Caller:
     def _kernel(self, name: str, *, graded: bool = False, wary: bool = False) -> ArrayKernel:
         """Compile a function, at first use; graded: with its conditioning as the last output; wary: see `judged`."""
         if (name, graded, wary) not in self._kernels:
-            function = self.casadi(name)
-            measure = self._measured(name)
-            function, bounds = judged(
-                function, measure, self._dtype, graded=graded, wary=wary, found=self.coordinates == "motor"
-            )
-            derivatives = [output for output in function.name_out() if output.startswith("by_")]
-            self._kernels[name, graded, wary] = compile_function(
-                function, bounds=bounds, dtype=self._dtype, engine=self._engine, matrices=derivatives
-            )
+            with writing():
+                if (name, graded, wary) not in self._kernels:
+                    self._kernels[name, graded, wary] = self._compiled(name, graded=graded, wary=wary)
         return self._kernels[name, graded, wary]
+
+    def _compiled(self, name: str, *, graded: bool, wary: bool) -> ArrayKernel:
+        function, measure = self.casadi(name), self._measured(name)
+        found = self.coordinates == "motor"
+        function, bounds = judged(function, measure, self._dtype, graded=graded, wary=wary, found=found)
+        derivatives = [output for output in function.name_out() if output.startswith("by_")]
+        return compile_function(
+            function, bounds=bounds, dtype=self._dtype, engine=self._engine, matrices=derivatives
+        )
 
 
 def _rows_of(value: ArrayLike, rows: np.ndarray) -> np.ndarray:

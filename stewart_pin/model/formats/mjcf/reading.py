@@ -5,6 +5,8 @@ units, frames and inertias from shapes mean what they mean in MuJoCo. Constraint
 ground; bodies on free joints hang on it by floating joints.
 
 References
+----------
+.. [1] MuJoCo documentation, "XML reference" and "Modeling: kinematic tree".
 """
 
 from __future__ import annotations
@@ -125,8 +127,6 @@ def _shown(values: Iterable[float]) -> str:
     return " ".join(f"{float(value):g}" for value in values)
 
 
-# ----------
-# .. [1] MuJoCo documentation, "XML reference" and "Modeling: kinematic tree".
 # ----------------------------------------------------------------------------------------------------
 
 _USED = (
