@@ -94,10 +94,10 @@ def hexapod_inverse_dynamics(
     across u it gives f⊥ = (τ n - M) × u / l. The platform's balance then is Jᵀ (f·u) = wrench - Σ f⊥, and the
     actuator also carries the upper part along the leg.
 
-    A leg on a spherical joint has a third angle γ, about itself, and no τ. Its idle spin is free to choose: here
-    γ and dγ/dt are zero, and d²γ/dt² is the one for which M·u = 0. If the leg is axisymmetric, M·u is its
-    axial moment of inertia times u·dω/dt and nothing else, so the spin rate ω·u stays constant. Another spin
-    rate gives other forces, by the gyroscopic moment.
+    A leg on a spherical joint has a third angle, about itself, and no τ. Its idle spin is free to choose: here it
+    carries no momentum, ω·u = 0, and its acceleration is the one for which M·u = 0. If the leg is axisymmetric, M·u
+    is its axial moment of inertia times u·dω/dt and nothing else, so the spin rate ω·u stays zero. Another spin rate
+    gives other forces, by the gyroscopic moment.
     """
     rotation = as_rotation("rotation", rotation)
     free_fall = as_array("gravity", gravity, (3,))
@@ -129,8 +129,15 @@ def _with_idle_spin(leg: LegAttitude, tip: TipMotion, bodies: HexapodBodies) -> 
                     f"joint its spin depends on more than the platform's motion; make it axisymmetric or use "
                     f"lower_joint='universal'"
                 )
-    along = dot(leg.angular_acceleration, tip.direction)[..., None] * tip.direction
-    return replace(leg, angular_acceleration=leg.angular_acceleration - along)
+    # ω = u × u̇, and its derivative u × ü: without the spin s u, and its derivative ṡ u + s u̇.
+    spin, spin_rate = (
+        dot(x, tip.direction)[..., None] for x in (leg.angular_velocity, leg.angular_acceleration)
+    )
+    return replace(
+        leg,
+        angular_velocity=leg.angular_velocity - spin * tip.direction,
+        angular_acceleration=leg.angular_acceleration - spin_rate * tip.direction - spin * tip.swing,
+    )
 
 
 def _leg_loads(

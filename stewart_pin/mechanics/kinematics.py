@@ -15,6 +15,7 @@ from stewart_pin.mechanics.forward_solutions import ForwardSolutions, all_forwar
 from stewart_pin.state.chain import ClosedChain, as_pose
 from stewart_pin.state.freedom import TWIST_AXES, Motions, split_motions
 from stewart_pin.state.newton import Closure, close_loops
+from stewart_pin.state.own_motion import OwnMotion
 from stewart_pin.state.paths import follow_path, motor_path, pose_path
 from stewart_pin.state.state import State, as_chain, as_state
 from stewart_pin.tolerances import SINGULAR
@@ -202,7 +203,9 @@ def platform_motion(
 ) -> State:
     """Find the motion of the whole chain from that of the platform.
 
-    Idle freedoms, which neither loops nor platform determine, get the least-norm velocity and acceleration.
+    Idle freedoms, which neither loops nor platform determine, carry no momentum and follow their own inertia,
+    Nᵀ M v = 0 and Nᵀ (M a + h) = 0, as in `inverse_dynamics` and `motion_map`: a round rod between two balls does not
+    turn about its axis. Other motors than the platform needs, of a redundant arm, get the least-norm motion.
 
     Parameters
     ----------
@@ -237,8 +240,13 @@ def platform_motion(
     placed = inverse_kinematics(chain, pose, q_guess=q_guess, limits=limits).state
     follower = _Follower(placed)
     v = follower.follow(np.zeros(chain.nc), twist, "twist")
+    scale, idle = chain.tangent_scale, bool(chain.generic.count.idle)
+    if idle:
+        v = scale * OwnMotion(placed, placed.freedom.idle / scale[:, None]).velocity(v / scale)
     moving = State(chain, placed.q, v)
     a = follower.follow(-moving.loop_bias, acceleration - moving.platform_bias, "acceleration")
+    if idle:
+        a = scale * OwnMotion(moving, placed.freedom.idle / scale[:, None]).acceleration(a / scale)
     return State(chain, placed.q, v, a)
 
 
@@ -285,7 +293,8 @@ def platform_acceleration(state: State, acceleration: FloatArray) -> Tangent:
     Returns
     -------
     numpy.ndarray
-        (nv,) tangent acceleration that keeps the loops closed [m/s², rad/s²].
+        (nv,) tangent acceleration that keeps the loops closed; idle freedoms, which follow their own inertia whatever
+        is asked of them, at the least in the coordinates of their joints [m/s², rad/s²].
     """
     return _Follower(state).nearest(-state.loop_bias, acceleration - state.platform_bias)
 

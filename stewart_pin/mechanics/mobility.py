@@ -30,7 +30,8 @@ class Mobility(Brief):
     dof
         Number of independent motions that keep the loops closed, at a generic configuration.
     idle
-        One readable name per idle freedom: a motion that moves neither motors nor platform.
+        One readable name per idle freedom: a motion that moves neither motors nor platform. Where only these are given,
+        idle freedoms carry no momentum and follow their own inertia, see `platform_motion`.
     redundant_rows
         Number of equations of loops and couplings that follow from the others.
     motors_sufficient

@@ -5,7 +5,8 @@ With J_c the loop Jacobian and A the rows of the coordinates, :math:`\dot x = A 
 .. math:: J_c G = 0, \qquad A G = 1, \qquad R^\top M G = 0,
 
 where R spans the motions that the coordinates leave at rest: idle freedoms, for motors that hold the robot. The last
-equation says that these carry no momentum of their own, so that they drop out of the equation of motion.
+equation says that these carry no momentum of their own, so that they drop out of the equation of motion; see
+`stewart_pin.state.own_motion`.
 """
 
 from __future__ import annotations
@@ -21,8 +22,9 @@ from stewart_pin.errors import ActuationError, SingularityError
 from stewart_pin.mechanics.coordinates import Coordinates, choose_coordinates, rows_bias
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import split_motions
+from stewart_pin.state.own_motion import OwnMotion
 from stewart_pin.state.state import State, as_state, named_motion
-from stewart_pin.tolerances import NO_INERTIA, SINGULAR
+from stewart_pin.tolerances import SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 
@@ -46,7 +48,7 @@ class MotionMap(Brief):
         [m/s or rad/s per m/s or rad/s].
     rest
         (nv, k) motions that the coordinates leave undetermined, orthonormal with lengths in robot sizes [m, rad].
-        Each follows its own inertia; one without inertia, as the spin of a massless leg, gets the least motion.
+        Each follows its own inertia; with one that has none, as the spin of a massless leg, the links turn least.
     """
 
     coordinates: Coordinates
@@ -143,30 +145,8 @@ class SolvedMap:
         self.rest = free @ self._seen.basis
         if self.chosen.kind != "platform" and self.rest.shape[1] > chain.generic.count.idle:
             raise _undetermined(state, self.chosen, self.rest)
-        moments, axes = np.linalg.eigh(self.rest.T @ self.inertia @ self.rest)
-        heavy = moments > NO_INERTIA * np.abs(self.inertia).max(initial=0.0)
-        axes = axes[:, heavy]
-        self._compliance = axes @ (axes.T / moments[heavy, None])
-        self.G = self.without_momentum(free @ self._seen.across(np.eye(count)))
-
-    def without_momentum(self, motion: FloatArray, momentum: FloatArray | float = 0.0) -> FloatArray:
-        """Add the motion of `rest` that brings its momentum (or its balance of forces) to a value.
-
-        Parameters
-        ----------
-        motion
-            (nv,) or (nv, n) in robot sizes, dimensionless.
-        momentum
-            What Rᵀ M motion shall be [kg m²].
-
-        Returns
-        -------
-        numpy.ndarray
-            Like `motion`, dimensionless.
-        """
-        if not self.rest.shape[1]:
-            return motion
-        return motion + self.rest @ (self._compliance @ (momentum - self.rest.T @ (self.inertia @ motion)))
+        self._own = OwnMotion(state, self.rest)
+        self.G = self._own.velocity(free @ self._seen.across(np.eye(count)))
 
     def follow(self, demand: FloatArray) -> FloatArray:
         """Least motion that gives loop rows and coordinates what is asked, lengths in robot sizes.
@@ -201,8 +181,9 @@ class SolvedMap:
         column = self.scale[:, None]
         G = column * self.G / chosen.sizes
         bias = np.concatenate([state.loop_bias, rows_bias(state, chosen)])
-        pull = state.nle * self.scale
-        gamma = self.without_momentum(self.follow(-bias), -(self.rest.T @ pull))
+        gamma = self.follow(-bias)
+        if self.rest.shape[1]:
+            gamma = self._own.acceleration(gamma)
         return MotionMap(
             coordinates=chosen,
             rate=chosen.rows @ state.v,

@@ -36,6 +36,7 @@ _WHEREVER_HOME_IS = (
         "row_scale",
         "inertia_scale",
         "upper_index",
+        "carrying",
         "passive_index",
         "row_scale",
         "twist_sizes",
@@ -254,6 +255,15 @@ class ClosedChain:
     def inertia_scale(self) -> FloatArray:
         """(nv, nv) by which an inertia matrix is multiplied to stand in natural units [m², m or 1]."""
         return np.outer(self.tangent_scale, self.tangent_scale)
+
+    @cached_property
+    def carrying(self) -> FloatArray:
+        """(nv, nv) number of joints of the tree that both of two tangent entries carry, dimensionless."""
+        carries = np.zeros((self.model.njoints, self.nv))
+        for number, joint in enumerate(self.model.joints[1:], start=1):
+            carries[number] = carries[self.model.parents[number]]
+            carries[number, joint.idx_v : joint.idx_v + joint.nv] = 1.0
+        return carries.T @ carries
 
     @cached_property
     def upper_index(self) -> np.ndarray:

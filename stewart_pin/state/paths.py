@@ -35,7 +35,10 @@ _CONTRACTION = 0.25
 _TURN = 0.6
 """Largest angle by which the first Newton step of a stretch may turn a joint [rad]: farther sines are not straight."""
 _SHORTEST = 1e-5
-"""Share of a path below which a stretch is not shortened any more."""
+"""Share of a path below which a stretch is not shortened any more, unless it is a good part of what is left."""
+_OF_THE_REST, _SHORTEST_OF_ALL = 0.01, 1e-7
+"""A good part of what is left, and the share below which none is shortened: before a fold stretches shrink with the
+distance to it, so that a demand just before one takes shorter ones; below this there are residuals `_ON_THE_WAY`."""
 _Side = tuple[FloatArray, ...] | None
 """The matrix of loops and demand, and its factors where it is square; None where there is none."""
 _LITTLE = 0.7
@@ -217,7 +220,7 @@ def follow_path(start: State, path: Path) -> Closure:
         iterations += found.steps
         if found.state is None:
             stretch *= found.shorten
-            if stretch < _SHORTEST:
+            if stretch < max(_SHORTEST_OF_ALL, min(_SHORTEST, _OF_THE_REST * (1.0 - share))):
                 return _lost(start, state, share, path, system, iterations)
             continue
         state, share, residual = found.state, end, found.residual

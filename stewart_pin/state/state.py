@@ -199,6 +199,22 @@ class State:
         """(6,) acceleration of the platform origin, and angular, without tangent acceleration [m/s², rad/s²]."""
         return self.P_rate @ self.v if self.v.any() else np.zeros(6)
 
+    @once
+    def turning(self) -> FloatArray:
+        """(nv, nv) Σ Jᵢᵀ Jᵢ in natural units, J v the angular velocity of each link in the world, dimensionless."""
+        return self.chain.carrying * (self._turns.T @ self._turns)
+
+    @once
+    def turning_bias(self) -> FloatArray:
+        """(nv,) Σ Jᵢᵀ J̇ᵢ v in natural units: angular accelerations without tangent acceleration [1/s²]."""
+        rates = self._joint_rates[3:] * self.chain.tangent_scale
+        return (self.chain.carrying * (self._turns.T @ rates)) @ (self.v / self.chain.tangent_scale)
+
+    @once
+    def _turns(self) -> FloatArray:
+        """(3, nv) angular part of the joint Jacobians, in natural units, dimensionless."""
+        return self._joints[3:] * self.chain.tangent_scale
+
     # -- dynamics of the tree ------------------------------------------------------------------------------------
 
     @once

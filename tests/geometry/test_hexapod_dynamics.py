@@ -99,6 +99,10 @@ def pinocchio_forces(
     ]
     for i, jacobian in enumerate(jacobians):
         v[columns[i]] = np.linalg.solve(jacobian, twist[:3] + np.cross(twist[3:], arms[i]))
+    if n == 4:  # legs do not turn about themselves
+        spins = np.arange(2, 24, 4)
+        pin.forwardKinematics(model, data, q, v)
+        v[spins] = [-data.v[tip].angular[2] for tip in tips]
     pin.forwardKinematics(model, data, q, v, a)
     for i, jacobian in enumerate(jacobians):
         swept = np.cross(acceleration[3:], arms[i]) + np.cross(twist[3:], np.cross(twist[3:], arms[i]))
@@ -109,7 +113,6 @@ def pinocchio_forces(
     a[-6:-3] = rotation.T @ (acceleration[:3] - np.cross(twist[3:], twist[:3]))
     a[-3:] = rotation.T @ acceleration[3:]
     if n == 4:
-        spins = np.arange(2, 24, 4)
         mass = pin.crba(model, data, q)
         mass = np.triu(mass) + np.triu(mass, 1).T
         a[spins] = -pin.rnea(model, data, q, v, a)[spins] / mass[spins, spins]

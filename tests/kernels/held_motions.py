@@ -1,4 +1,4 @@
-"""Motions of a rebuilt chain of which some coordinates are held: by Newton steps and least norms on Pinocchio's rows.
+"""Motions of a rebuilt chain of which some coordinates are held: by Newton steps and least squares on Pinocchio's rows.
 
 This is the judge of the derivatives by the geometry: it shares nothing with the kernels but the names of what is held.
 """
@@ -51,6 +51,9 @@ class HeldState:
         q = self._closed(chain)
         jacobian = self._jacobian(chain, q)
         v = self._least(jacobian, np.concatenate([np.zeros(chain.nc), self.rates[list(self.rows)]]))
+        if self.coordinates != "tree":  # idle freedoms carry no momentum
+            idle, M = self._idle(jacobian), chain.at(q).M
+            v = v - idle @ np.linalg.pinv(idle.T @ M @ idle) @ (idle.T @ M @ v)
         bias = _bias(chain, self.coordinates, q, v)
         if verb == "forward_dynamics":
             moved = stp.forward_dynamics(chain, q, v, self.efforts).a
@@ -63,10 +66,17 @@ class HeldState:
 
     def _least(self, jacobian: np.ndarray, right: np.ndarray) -> np.ndarray:
         """Least norm, with the rank of the chain as it was: what a displacement adds is of the second order."""
-        own = np.linalg.svd(self._jacobian(self.chain, self.q), compute_uv=False)
-        rank = int(np.count_nonzero(own > _RANK * own[0]))
+        rank = self._rank
         left, s, across = np.linalg.svd(jacobian, full_matrices=False)
         return across[:rank].T @ ((left[:, :rank].T @ right) / s[:rank])
+
+    def _idle(self, jacobian: np.ndarray) -> np.ndarray:
+        return np.linalg.svd(jacobian)[2][self._rank :].T
+
+    @property
+    def _rank(self) -> int:
+        own = np.linalg.svd(self._jacobian(self.chain, self.q), compute_uv=False)
+        return int(np.count_nonzero(own > _RANK * own[0]))
 
     def _closed(self, chain: stp.ClosedChain) -> np.ndarray:
         q = self.q
@@ -93,7 +103,7 @@ class HeldState:
 def held_state(
     chain: stp.ClosedChain, coordinates: str, names: tuple[str, ...], rng: np.random.Generator
 ) -> HeldState:
-    """Draw a state, the most regular of some; idle freedoms have the least norm, as the kernels have it of a drive."""
+    """Draw a state, the most regular of some; of a drive, idle freedoms at rest."""
     known = {
         "platform": [f"platform {axis}" for axis in TWIST_AXES],
         "motor": list(chain.motors),

@@ -20,15 +20,7 @@ SLOW = (
 )
 """Every bundled robot; hinges, balls, slides, cylinders, screws and gears; redundant rows and overconstrained loops;
 one motor to seven. ``python -m tests.benchmarks.everywhere`` has the whole zoo, with 1e5 states of each."""
-UNDECIDED = pytest.mark.xfail(
-    strict=True,
-    reason="one of 249 motor positions is answered where the verbs of one state end at a singularity; not yet decided",
-)
-NAMES = [
-    *QUICK,
-    *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW if name != "tripod_3rps"),
-    pytest.param("tripod_3rps", marks=[pytest.mark.slow, UNDECIDED]),
-]
+NAMES = [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
 STATES, JUDGED = {True: 800, False: 250}, {True: 8, False: 4}
 """States of quick and slow tests, and those of each kind that the verbs of one state judge: compiling takes longest."""
 

@@ -42,7 +42,7 @@ CASES = [
 def fat_rods() -> stp.ClosedChain:
     """Six cranks with heavy balls for rods about their elbows: only the rates of their spins tell, not the angles.
 
-    A head that is displaced across such a rod turns the axis of its spin, and with it what the least norm is.
+    A head that is displaced across such a rod turns the axis of its spin, and with it what carries no momentum.
     """
     chain = mechanisms.rotary_hexapod()
     ball = pin.Inertia(0.2, np.zeros(3), 0.01 * np.eye(3))

@@ -117,8 +117,10 @@ def test_velocity_is_the_derivative_of_the_configuration(name: str) -> None:
     twist, acceleration = np.concatenate([linear, angular]), np.concatenate([linear_rate, angular_rate])
     state = stp.platform_motion(chain, poses[0], twist, acceleration, limits=False)
     v, a = weighed({k: pin.difference(chain.model, q[0], other) for k, other in q.items()})
-    close(state.v, v, 1e-9)
-    close(state.a, a, 1e-6)  # round-off 1e-14 / h²
+    # Legs may spin as they like, which changes neither the angles before their spin nor their lengths.
+    told = np.abs(state.freedom.idle).max(axis=1, initial=0.0) < 1e-9
+    close(state.v[told], v[told], 1e-9)
+    close(state.a[told], a[told], 1e-6)  # round-off 1e-14 / h²
 
 
 def test_joint_limits_name_the_joints() -> None:

@@ -87,10 +87,8 @@ def _cut_elsewhere(name: str, plain: stp.ClosedChain, folder: Path) -> Telling |
     if other is None:
         return None
     told = stp.load(_save(other, folder))
-    # Idle freedoms get the least motion, counted over other joints: a thin rod then spins otherwise.
-    tolerance = 1e-6 if stp.mobility(plain).idle else 1e-9
     carry = partial(carry_over, plain, told)
-    return Telling(name, plain, told, carry=carry, same_rows=False, tolerance=tolerance)
+    return Telling(name, plain, told, carry=carry, same_rows=False)
 
 
 def _by_balls(name: str, plain: stp.ClosedChain, folder: Path) -> Telling | None:

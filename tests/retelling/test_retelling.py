@@ -18,12 +18,8 @@ ALIKE = ("stewart_cad", "stewart_s1")
 """Robots that differ from `stewart` by their numbers only."""
 
 
-OTHERWISE: dict[tuple[str, str], frozenset[str]] = {
-    ("stewart_sps", "cut elsewhere"): frozenset({"closed_forms", "compare_methods", "fit_to_limits"}),
-}
-"""Questions that are answered otherwise, all of them and no more: the least motion of a leg that may spin is counted
-over the joints of the tree, so that its spin rate, and with it a gyroscopic moment of 7e-6 of the efforts, depends on
-the cut."""
+OTHERWISE: dict[tuple[str, str], frozenset[str]] = {}
+"""Questions of a robot and a telling that are answered otherwise, all of them and no more, with the reason; none is."""
 
 
 _SPREAD = 10.0

@@ -70,3 +70,24 @@ def test_where_branches_cross_the_demand_tells_them_apart_or_none_is_kept(
         else:
             with pytest.raises(ClosureError, match="singularity"):
                 stp.inverse_kinematics(chain, pose_at(turn), limits=False)
+
+
+def test_demands_just_before_a_fold_are_met() -> None:
+    """Two branches of a tripod meet at these motor positions; up to there the one of home answers."""
+    chain = robot("tripod_3rps")
+    fold = np.array([-0.3093840364, -0.0841668544, -0.3407438813])
+
+    def side(q: np.ndarray) -> tuple[float, float]:
+        here = chain.at(q)
+        matrix = np.concatenate([here.rows, chain.motor_rows])
+        return float(np.sign(np.linalg.det(matrix))), float(np.linalg.svd(matrix, compute_uv=False)[-1])
+
+    for short in (1e-2, 1e-4, 1e-5, 3e-6, 1e-6, 5e-7):
+        found = stp.forward_kinematics(chain, (1 - short) * fold, limits=False)
+        sign, smallest = side(found.q)
+        assert sign == side(chain.q_home)[0]
+        # As the root of the distance to the fold: 0.2 of it, 0.04 of that farther away.
+        assert 0.15 < smallest / np.sqrt(short) < 0.35, (short, smallest)
+    for beyond in (1e-5, 1e-4, 1e-2):
+        with pytest.raises(ClosureError, match="ends"):
+            stp.forward_kinematics(chain, (1 + beyond) * fold, limits=False)

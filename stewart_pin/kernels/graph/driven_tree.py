@@ -1,8 +1,9 @@
 """The whole chain driven by its platform or by its motors, for chains that do not come apart into legs.
 
 The configuration comes from Newton steps; velocity and acceleration follow from the loop rows stacked on the rows of
-what drives, by one elimination with pivots chosen on samples. Idle freedoms get the least norm, as in
-`stewart_pin.platform_motion`.
+what drives, by one elimination with pivots chosen on samples. Idle freedoms carry no momentum, as in
+`stewart_pin.platform_motion`, see `stewart_pin.state.own_motion`; how they accelerate is left to their own inertia
+where efforts are written.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from stewart_pin.kernels.graph.whole_tree import (
     tree_bias,
     tree_forward_dynamics,
     tree_inverse_dynamics,
+    without_momentum,
 )
 from stewart_pin.kernels.planning.elimination import Elimination, solve_symmetric
 from stewart_pin.kernels.planning.pivots import plan_pivots
@@ -71,6 +73,11 @@ class DrivenTree:
     def determined(self) -> int:
         """Number of freedoms that the drive determines."""
         return self.closed.motions.shape[1] - self.idle.shape[1]
+
+    @property
+    def idle_scale(self) -> FloatArray:
+        """(n,) natural sizes of the idle motions [m or rad]."""
+        return self.closed.chain.tangent_scale[list(self.reduced.pivots.rows)]
 
 
 def drive_tree(closed: ClosedTree, coordinates: Coordinates) -> DrivenTree:
@@ -119,18 +126,8 @@ def _motor_sizes(closed: ClosedTree) -> np.ndarray:
     return closed.chain.tangent_scale[list(closed.tree.motors)]
 
 
-def _follow(driven: DrivenTree, demand: ca.SX) -> ca.SX:
-    """Tangent vector that meets the demand on loop rows and drive, idle motions at least norm."""
-    motion = driven.reduced.transposed(demand)
-    if not driven.idle.shape[1]:
-        return motion
-    square, overlap = driven.idle.T @ driven.idle, driven.idle.T @ motion
-    parts, _, _ = solve_symmetric(square, overlap, driven.closed.values(square))
-    return motion - driven.idle @ ca.vertcat(*parts)
-
-
 def follow(driven: DrivenTree, k: int) -> ca.SX:
-    """Move the chain with one of its driving coordinates.
+    """Move the chain with one of its driving coordinates, some idle coordinates at rest.
 
     Parameters
     ----------
@@ -146,7 +143,7 @@ def follow(driven: DrivenTree, k: int) -> ca.SX:
     """
     demand = ca.SX.zeros(driven.closed.tree.nc + driven.drive.shape[1])
     demand[driven.closed.tree.nc + k] = 1
-    return _follow(driven, demand)
+    return driven.reduced.transposed(demand)
 
 
 def _infeasible(driven: DrivenTree, motion: ca.SX, demand: ca.SX) -> ca.SX:
@@ -218,7 +215,9 @@ def driven_velocity(driven: DrivenTree) -> tuple[ca.SX, ca.SX, ca.SX]:
         (1, 1) part of the demand that the chain cannot do.
     """
     velocity = ca.SX.sym("velocity", driven.drive.shape[1])
-    v = _follow(driven, ca.vertcat(ca.SX.zeros(driven.closed.tree.nc), velocity))
+    v = driven.reduced.transposed(ca.vertcat(ca.SX.zeros(driven.closed.tree.nc), velocity))
+    if driven.idle.shape[1]:
+        v = without_momentum(driven.closed, v, driven.idle, driven.idle_scale)
     return velocity, v, _infeasible(driven, v, velocity)
 
 
@@ -244,7 +243,7 @@ def driven_motion(driven: DrivenTree) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, c
     acceleration = ca.SX.sym("acceleration", size)
     bias = platform_bias(closed, v) if driven.coordinates == "platform" else ca.SX.zeros(size)
     demand = acceleration - bias
-    a = _follow(driven, ca.vertcat(-tree_bias(closed, v), demand))
+    a = driven.reduced.transposed(ca.vertcat(-tree_bias(closed, v), demand))
     infeasible = ca.fmax(lost, _infeasible(driven, a, demand))
     return {"q": closed.q, "velocity": velocity, "acceleration": acceleration}, v, a, infeasible
 

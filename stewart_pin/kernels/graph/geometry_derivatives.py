@@ -8,8 +8,9 @@ A result x, an effort or an acceleration, obeys the equation of motion f(q, v, a
 insensitive to a, v and q, in this order, dx/dg = ∂L/∂g with everything else held: one sweep back per result,
 however many displacements there are [1]_.
 
-Idle freedoms keep the least norm of their rates, Iᵀ v = 0, where I itself depends on g. Motors to spare keep
-least efforts, tau = S u with J u = 0. Both add multiples of J(q, g) times a fixed vector to L.
+Idle freedoms keep their momentum at zero, Iᵀ M v = 0, where I itself depends on g. Motors to spare keep least efforts,
+tau = S u with J u = 0. Both add multiples of J(q, g) times a fixed vector to L, and the first iᵀ M(q, g) v as well,
+with a fixed idle motion i.
 
 References
 ----------
@@ -68,7 +69,8 @@ _ZERO = 1e-9
 class _Sums:
     """A motion, and multipliers with one column per result.
 
-    `pairs` are (multipliers, vectors): the rows J(q, g) times vectors that are held, times the multipliers.
+    `pairs` are (multipliers, vectors): the rows J(q, g) times vectors that are held, times the multipliers. `idle` are
+    the idle motions of which the momentum is held.
     """
 
     held: HeldMotion
@@ -78,6 +80,7 @@ class _Sums:
     work: ca.SX
     bias: ca.SX
     pairs: tuple[tuple[ca.SX, ca.SX], ...]
+    idle: ca.SX | None = None
 
     def with_pair(self, multipliers: ca.SX, vectors: ca.SX) -> _Sums:
         return replace(self, pairs=(*self.pairs, (multipliers, vectors)))
@@ -89,22 +92,27 @@ class _Sums:
             self.lambda_c,
             self.work,
             self.bias,
+            *([] if self.idle is None else [self.idle]),
             *(x for pair in self.pairs for x in pair),
         ]
 
     def symbolic(self) -> _Sums:
         """Put symbols for all that is held."""
         v, a, lambda_c, work, bias, *rest = (ca.SX.sym("held", *value.shape) for value in self.values())
-        return _Sums(self.held, v, a, lambda_c, work, bias, tuple(zip(rest[::2], rest[1::2], strict=True)))
+        idle = None if self.idle is None else rest.pop(0)
+        pairs = tuple(zip(rest[::2], rest[1::2], strict=True))
+        return _Sums(self.held, v, a, lambda_c, work, bias, pairs, idle)
 
     def total(self, closed: ClosedTree) -> ca.SX:
-        """Write w·f + α·c_a and the pairs for the chain as it is or displaced: (results, 1)."""
+        """Write w·f + α·c_a, iᵀ M v and the pairs for the chain as it is or displaced: (results, 1)."""
         joints, on_platform = closed.tree.joints, self.held.on_platform
         falling = at_rest(constant(closed.tree.gravity))
         efforts = tree_efforts(joints, closed.at, motions(joints, closed.at, self.v, self.a, falling), self.a)
         efforts = efforts - closed.columns.transpose @ self.lambda_c
         rows = condition_columns(closed, on_platform).T
         total = self.work.T @ efforts + self.bias.T @ condition_bias(closed, on_platform, self.v)
+        if self.idle is not None:
+            total = total + self.idle.T @ inertia_times(closed, self.v)
         for multipliers, vectors in self.pairs:
             if vectors.shape[1] == 1:
                 total = total + multipliers.T @ (rows @ vectors)
@@ -229,13 +237,14 @@ def _by_geometry(sums: _Sums) -> ca.SX:
     symbols = sums.symbolic()
     by_v = sums.evaluated(symbols, ca.jacobian(symbols.total(closed), symbols.v)).T
     if held.idle.shape[1]:
-        square = held.idle.T @ held.idle
-        shares = solve_symmetric(square, -(held.idle.T @ by_v), closed.values(square))[0]
+        momenta = inertia_times(closed, held.idle)
+        inertia = held.idle.T @ momenta
+        shares = solve_symmetric(inertia, -(held.idle.T @ by_v), closed.values(inertia))[0]
         along = held.idle @ ca.vertcat(*shares)
-        # Iᵀ v = 0 at all times, and v = Aᵀ m for the rows A, with A I = 0: vᵀ dI = -mᵀ dA I.
-        rows = ca.repmat(held.multipliers(sums.v), 1, by_v.shape[1])
-        sums = sums.with_pair(rows, -along)
-        by_v = by_v + along
+        # Iᵀ M v = 0 at all times, and M v = Aᵀ m for the rows A, with A I = 0: (M v)ᵀ dI = -mᵀ dA I.
+        rows = ca.repmat(held.multipliers(inertia_times(closed, sums.v)), 1, by_v.shape[1])
+        sums = replace(sums.with_pair(rows, -along), idle=along)
+        by_v = by_v + momenta @ ca.vertcat(*shares)
     sums = sums.with_pair(held.multipliers(-by_v), sums.v)
     symbols = sums.symbolic()
     by_q = ca.jacobian(symbols.total(closed), closed.q) @ configuration_chart(closed.tree, closed.q)

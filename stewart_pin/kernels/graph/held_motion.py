@@ -57,7 +57,7 @@ class HeldMotion:
     on_platform
         Whether the held rows, and those accelerations, depend on the geometry: those of the platform do.
     idle
-        (nv, n) motions that neither loops nor what is held see; they get the least norm.
+        (nv, n) motions that neither loops nor what is held see; they carry no momentum.
     reduced
         Independent rows, transposed and eliminated.
     places

@@ -13,7 +13,7 @@ import numpy as np
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.joint_efforts import Wrench, carry_down, efforts_of_wrenches, inertial_wrenches
 from stewart_pin.kernels.graph.joint_motion import Motions, RootMotion, motions
-from stewart_pin.kernels.graph.legs import PlacedLeg, far_point
+from stewart_pin.kernels.graph.legs import PlacedLeg, far_point, idle_momenta
 from stewart_pin.kernels.graph.platform_motion import PlatformMotion
 from stewart_pin.kernels.planning.elimination import solve_symmetric
 from stewart_pin.kernels.planning.spatial import constant, skew
@@ -223,12 +223,7 @@ def _idle_obey(placed: PlacedLeg, wrenches: dict[int, Wrench]) -> tuple[ca.SX, d
     needed = efforts_of_wrenches(joints, at, wrenches, 1)
     if not idle.shape[1]:
         return needed, wrenches
-    zero, still = ca.SX.zeros(3), ca.SX.zeros(placed.leg.nv)
-    resting = RootMotion(zero, zero, zero, zero)
-    moved = [
-        inertial_wrenches(joints, motions(joints, at, still, idle[:, k], resting))
-        for k in range(idle.shape[1])
-    ]
+    zero, moved = ca.SX.zeros(3), idle_momenta(placed)
     pushed = ca.horzcat(*(efforts_of_wrenches(joints, at, wrench, 1) for wrench in moved))
     inertia = idle.T @ pushed
     steps, _, _ = solve_symmetric(inertia, -(idle.T @ needed), placed.values(inertia))

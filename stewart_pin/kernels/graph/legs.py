@@ -15,7 +15,12 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from stewart_pin.kernels.graph.joint_efforts import Wrench, efforts_of_wrenches
+from stewart_pin.kernels.graph.joint_efforts import (
+    Wrench,
+    carry_down,
+    efforts_of_wrenches,
+    inertial_wrenches,
+)
 from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, motions, placements
 from stewart_pin.kernels.graph.leg_positions import LegPositions, leg_positions
 from stewart_pin.kernels.graph.platform_motion import PlatformMotion
@@ -211,7 +216,7 @@ def _forces_at(point: ca.SX, forces: ca.SX) -> Wrench:
 
 
 def leg_rates(placed: PlacedLeg, moving: PlatformMotion) -> ca.SX:
-    """Compute the joint rates that follow the platform; idle motions get the least norm.
+    """Compute the joint rates that follow the platform; idle motions carry no momentum.
 
     Parameters
     ----------
@@ -234,24 +239,38 @@ def leg_rates(placed: PlacedLeg, moving: PlatformMotion) -> ca.SX:
             velocity = moving.velocity + ca.cross(moving.omega, moving.rotation @ far_point(end))
         relative.append(placed.to_ends(velocity, k))
     rates = placed.reduced.transposed(ca.vertcat(*relative))
-    if placed.idle.shape[1]:
-        overlap, square = _idle_norm(placed, moving, rates)
-        if not all(overlap[k].is_zero() for k in range(overlap.shape[0])):
-            parts, _, _ = solve_symmetric(square, overlap, placed.values(square))
-            rates = rates - placed.idle @ ca.vertcat(*parts)
+    momenta = idle_momenta(placed)
+    if momenta:
+        carried = [carry_down(placed.leg.joints, placed.at, momentum, 1) for momentum in momenta]
+        efforts = ca.horzcat(*(each for each, _ in carried))
+        overlap, inertia = efforts.T @ rates, placed.idle.T @ efforts
+        if placed.leg.on_platform:
+            slide, turn = (moving.rotation.T @ each for each in (moving.velocity, moving.omega))
+            overlap += ca.vertcat(*(force.T @ slide + moment.T @ turn for _, (force, moment) in carried))
+        parts, _, _ = solve_symmetric(inertia, overlap, placed.values(inertia))
+        rates = rates - placed.idle @ ca.vertcat(*parts)
     return rates
 
 
-def _idle_norm(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Overlap of rates with idle motions, and of these with each other, in the tangent of the tree."""
-    idle = placed.idle
-    overlap, square = idle.T @ rates, idle.T @ idle
-    for k, end in enumerate(placed.leg.ends):
-        if not end.loop.index:  # the joint that leads to the platform has rates of its own
-            spins = turning_of(placed, end.body, idle)
-            own = placed.to_ends(moving.omega, k) - turning_of(placed, end.body, rates)
-            overlap, square = overlap - spins.T @ own, square + spins.T @ spins
-    return overlap, square
+def idle_momenta(placed: PlacedLeg) -> list[dict[int, Wrench]]:
+    """Compute the momenta of a leg's bodies in its idle motions, its root at rest.
+
+    Parameters
+    ----------
+    placed
+        The leg.
+
+    Returns
+    -------
+    list of dict
+        Of each motion ``{body: (momentum, its moment about the body's origin)}``, in axes of the body; also the
+        wrenches that accelerate it from rest.
+    """
+    joints, still, resting = placed.leg.joints, ca.SX.zeros(placed.leg.nv), at_rest(ca.SX.zeros(3))
+    return [
+        inertial_wrenches(joints, motions(joints, placed.at, still, idle, resting))
+        for idle in (placed.idle[:, k] for k in range(placed.idle.shape[1]))
+    ]
 
 
 def turning_of(placed: PlacedLeg, body: int, rates: ca.SX) -> ca.SX:

@@ -328,9 +328,37 @@ def idle_accelerations(closed: ClosedTree, needed: ca.SX, idle: ca.SX, scale: Fl
     casadi.SX
         (n, k) what is to be added to the demand along the idle motions; at rest where these have no inertia.
     """
-    inertia = idle.T @ inertia_times(closed, idle)
+    return _own_steps(closed, idle, inertia_times(closed, idle), -(idle.T @ needed), scale)
+
+
+def without_momentum(closed: ClosedTree, v: ca.SX, idle: ca.SX, scale: FloatArray) -> ca.SX:
+    """Let idle freedoms carry no momentum, Iᵀ M v = 0.
+
+    Parameters
+    ----------
+    closed
+        Chain at its configuration.
+    v
+        (nv, 1) tangent velocity.
+    idle
+        (nv, n) idle motions, I.
+    scale
+        (n,) their natural sizes [m or rad].
+
+    Returns
+    -------
+    casadi.SX
+        (nv, 1) changed along the idle motions; not along those without inertia, on which no effort depends.
+    """
+    momenta = inertia_times(closed, idle)
+    return v + idle @ _own_steps(closed, idle, momenta, -(momenta.T @ v), scale)
+
+
+def _own_steps(closed: ClosedTree, idle: ca.SX, momenta: ca.SX, right: ca.SX, scale: FloatArray) -> ca.SX:
+    """Amounts of idle motions that bring their momentum, or its rate, to the right-hand side."""
+    inertia = idle.T @ momenta
     values = closed.values(inertia) * scale[:, None] * scale
-    steps, _, _ = solve_symmetric(inertia, -(idle.T @ needed), values)
+    steps, _, _ = solve_symmetric(inertia, right, values)
     return ca.vertcat(*steps)
 
 
