@@ -4,13 +4,13 @@ from stewart_pin.analysis.assembly_modes import AssemblyModes as AssemblyModes
 from stewart_pin.analysis.assembly_modes import ModeDescription as ModeDescription
 from stewart_pin.analysis.assembly_modes import describe_modes as describe_modes
 from stewart_pin.building.hexapod_bodies import hexapod_bodies as hexapod_bodies
-from stewart_pin.building.hexapod_inertias import hexapod_inertias as hexapod_inertias
-from stewart_pin.geometry.hexapod_bodies import HexapodBodies as HexapodBodies
-from stewart_pin.geometry.hexapod_bodies import RigidBody as RigidBody
+from stewart_pin.building.hexapod_bodies import hexapod_inertias as hexapod_inertias
 from stewart_pin.geometry.hexapod_designs import cubic_hexapod as cubic_hexapod
 from stewart_pin.geometry.hexapod_designs import hexapod_6_3 as hexapod_6_3
 from stewart_pin.geometry.hexapod_designs import semi_regular_hexapod as semi_regular_hexapod
+from stewart_pin.geometry.hexapod_dynamics import HexapodBodies as HexapodBodies
 from stewart_pin.geometry.hexapod_dynamics import HexapodForces as HexapodForces
+from stewart_pin.geometry.hexapod_dynamics import RigidBody as RigidBody
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics as hexapod_inverse_dynamics
 from stewart_pin.geometry.hexapod_pose import HexapodPose as HexapodPose
 from stewart_pin.geometry.leg_motion import leg_accelerations as leg_accelerations

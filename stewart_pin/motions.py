@@ -9,10 +9,10 @@ from stewart_pin.motion.earthquakes import earthquake_motion as earthquake_motio
 from stewart_pin.motion.earthquakes import response_spectrum as response_spectrum
 from stewart_pin.motion.earthquakes import synthetic_accelerogram as synthetic_accelerogram
 from stewart_pin.motion.motor_demand import MotorDemand as MotorDemand
-from stewart_pin.motion.profiles import chirp_motion as chirp_motion
-from stewart_pin.motion.profiles import minimum_jerk_motion as minimum_jerk_motion
-from stewart_pin.motion.profiles import spline_motion as spline_motion
 from stewart_pin.motion.shake_table import FitReport as FitReport
 from stewart_pin.motion.trajectories import PlatformSamples as PlatformSamples
+from stewart_pin.motion.trajectories import chirp_motion as chirp_motion
+from stewart_pin.motion.trajectories import minimum_jerk_motion as minimum_jerk_motion
 from stewart_pin.motion.trajectories import sample_times as sample_times
 from stewart_pin.motion.trajectories import sinusoidal_motion as sinusoidal_motion
+from stewart_pin.motion.trajectories import spline_motion as spline_motion

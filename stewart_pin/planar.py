@@ -1,6 +1,6 @@
 """Planar platforms on three legs (3-RPR) in closed form."""
 
-from stewart_pin.building.planar_legs import planar_rpr as planar_rpr
+from stewart_pin.building.legs import planar_rpr as planar_rpr
 from stewart_pin.geometry.planar import planar_leg_jacobian as planar_leg_jacobian
 from stewart_pin.geometry.planar import planar_leg_lengths as planar_leg_lengths
 from stewart_pin.geometry.planar_modes import PlanarModes as PlanarModes

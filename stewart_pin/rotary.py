@@ -1,6 +1,6 @@
 """Platforms on legs with cranks: delta robots and rotary hexapods in closed form."""
 
-from stewart_pin.building.rotary_legs import rotary_legs as rotary_legs
+from stewart_pin.building.legs import rotary_legs as rotary_legs
 from stewart_pin.geometry.delta import DeltaPositions as DeltaPositions
 from stewart_pin.geometry.delta import delta_legs as delta_legs
 from stewart_pin.geometry.delta import delta_positions as delta_positions

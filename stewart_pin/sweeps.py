@@ -1,5 +1,5 @@
 """Records of questions over many states."""
 
+from stewart_pin.studies.answers import FailedPoint as FailedPoint
+from stewart_pin.studies.answers import Sweep as Sweep
 from stewart_pin.studies.comparison import Comparison as Comparison
-from stewart_pin.studies.record import FailedPoint as FailedPoint
-from stewart_pin.studies.record import Sweep as Sweep

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from stewart_pin.building.resources import urdf_root
+from stewart_pin.building.loading import urdf_root
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>'
 ROD = (

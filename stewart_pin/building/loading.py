@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 from stewart_pin.building.printed_digits import settle_printed
-from stewart_pin.building.resources import find_robot
+from stewart_pin.building.rotors import with_rotors_of
 from stewart_pin.checks import as_array, as_positive
-from stewart_pin.errors import InputError, MechanismError
+from stewart_pin.errors import FileMissingError, InputError, MechanismError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
-from stewart_pin.model.description import JointKind, Mechanism
+from stewart_pin.model.description import Joint, JointKind, Link, Mechanism
 from stewart_pin.model.formats.precision import Precision, printed_precision
 from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.roles import platform_candidates
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import keep_odd_inertias, validate
-from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.chain import ClosedChain, as_pose
+from stewart_pin.state.state import as_chain
 from stewart_pin.typing import ArrayLike
 
 
@@ -187,3 +191,239 @@ def _platform(mechanism: Mechanism, platform: str | None) -> str | None:
             culprit=str(chosen),
         )
     return chosen
+
+
+# ----------------------------------------------------------------------------------------------------
+# Bundled robots: one folder each, in the repository and in the wheel
+# ----------------------------------------------------------------------------------------------------
+
+_LONGEST_NAME = 200
+"""Characters of a name that a message repeats."""
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+@cache
+def urdf_root() -> Path:
+    """Find the folder of the bundled robots.
+
+    Returns
+    -------
+    pathlib.Path
+        ``stewart_pin/urdf`` of an installed wheel, or ``urdf`` of the repository.
+
+    Raises
+    ------
+    FileMissingError
+        If neither exists: the installation is broken.
+    """
+    for root in (_PACKAGE / "urdf", _PACKAGE.parent / "urdf"):
+        if root.is_dir():
+            return root
+    raise FileMissingError(
+        "the folder of the bundled robots is missing; reinstall stewart_pin", path=str(_PACKAGE)
+    )
+
+
+def robots() -> tuple[str, ...]:
+    """List the bundled robots.
+
+    Returns
+    -------
+    tuple of str
+        Names that `load` accepts.
+    """
+    return tuple(
+        sorted(folder.name for folder in urdf_root().iterdir() if (folder / f"{folder.name}.urdf").is_file())
+    )
+
+
+def find_robot(name_or_path: str | Path) -> Path:
+    """Find the file of a robot.
+
+    Parameters
+    ----------
+    name_or_path
+        Name of a bundled robot, or path of a file.
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        If it is neither text nor a path.
+    FileMissingError
+        If there is neither a bundled robot nor a file of that name.
+    """
+    if not isinstance(name_or_path, str | Path):
+        raise InputError(
+            f"name_or_path must be a robot's name or a file's path, got {type(name_or_path).__name__}"
+        )
+    if name_or_path in robots():
+        return urdf_root() / name_or_path / f"{name_or_path}.urdf"
+    path = Path(name_or_path)
+    try:
+        found, is_folder = path.is_file(), path.is_dir()
+    except OSError:  # a name longer than the file system allows, such as the text of a file
+        found = is_folder = False
+    if found:
+        return path
+    shown = str(name_or_path)
+    raise FileMissingError(
+        "this is a folder; pass the file inside"
+        if is_folder
+        else f"no such file, and no bundled robot of that name; the bundled robots are: {', '.join(robots())}",
+        path=shown if len(shown) <= _LONGEST_NAME else shown[:_LONGEST_NAME] + "...",
+        culprit=shown,
+    )
+
+
+# ----------------------------------------------------------------------------------------------------
+# The same mechanism with other roles: other motors, another platform
+# ----------------------------------------------------------------------------------------------------
+
+
+def with_motors(chain: ClosedChain, motors: Sequence[str]) -> ClosedChain:
+    """Drive a chain by other joints.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    motors
+        Names of joints with one freedom, in the order of motor positions and efforts; `mobility` suggests a set.
+
+    Returns
+    -------
+    ClosedChain
+        Same links, joints, loops, platform and home.
+
+    Raises
+    ------
+    InputError
+        If a name stands twice, or `motors` is no sequence of names.
+    MechanismError
+        If a name is not that of a joint with one freedom; lists those that are.
+
+    Examples
+    --------
+    >>> import stewart_pin as stp
+    >>> chain = stp.with_motors(stp.load("five_bar"), ["left_hip", "left_knee"])
+    >>> stp.mobility(chain).motors_sufficient
+    True
+    """
+    as_chain(chain)
+    rebuilt = build_chain(chain.described(), motors=motors, platform=chain.platform, gravity=chain.gravity)
+    return with_rotors_of(chain, rebuilt)
+
+
+def with_platform(
+    chain: ClosedChain, link: str, *, placement: pin.SE3 | None = None, name: str | None = None
+) -> ClosedChain:
+    """Take another link, or a frame on a link, as the platform.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    link
+        Name of a link that moves.
+    placement
+        Platform frame in the link; default: the link's own frame.
+    name
+        Name of the frame, with `placement`; default: the link's name with ``_frame``.
+
+    Returns
+    -------
+    ClosedChain
+        Same joints, loops, motors and home; with `placement`, a link without inertia is fixed on `link`.
+
+    Raises
+    ------
+    InputError
+        If there is no such link, the name is taken, or a name is given without a placement.
+    MechanismError
+        If the link is the ground.
+
+    Examples
+    --------
+    >>> import numpy as np, pinocchio as pin, stewart_pin as stp
+    >>> tool = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1]))
+    >>> chain = stp.with_platform(stp.load("stewart"), "platform", placement=tool, name="tool")
+    >>> stp.platform_pose(chain, chain.q_home).translation
+    array([0. , 0. , 1.1])
+    """
+    as_chain(chain)
+    mechanism = chain.described()
+    require_link(mechanism, "link", link)
+    if placement is None:
+        if name is not None:
+            raise InputError(
+                f"name {name!r} needs a placement=: without one, the platform is link '{link}' itself"
+            )
+        rebuilt = build_chain(mechanism, motors=chain.motors, platform=link, gravity=chain.gravity)
+        return with_rotors_of(chain, rebuilt)
+    name = f"{link}_frame" if name is None else name
+    mechanism = with_fixed_link(mechanism, Link(name), link, as_pose("placement", placement))
+    rebuilt = build_chain(mechanism, motors=chain.motors, platform=name, gravity=chain.gravity)
+    return with_rotors_of(chain, rebuilt)
+
+
+def with_fixed_link(mechanism: Mechanism, link: Link, carrier: str, placement: pin.SE3) -> Mechanism:
+    """Fix a new link on another.
+
+    Parameters
+    ----------
+    mechanism
+        Description.
+    link
+        The new link; the joint that fixes it gets its name, or one made of it.
+    carrier
+        Name of the link that carries it.
+    placement
+        New link in the carrier.
+
+    Returns
+    -------
+    Mechanism
+        Description with one more link and joint.
+
+    Raises
+    ------
+    InputError
+        If a link has this name already, or it is empty.
+    """
+    if not link.name or link.name in {part.name for part in mechanism.links}:
+        said = "taken" if link.name else "empty"
+        raise InputError(f"name {link.name!r} is {said} in {mechanism.name}; choose another for the new link")
+    joint_name, taken = link.name, {part.name for part in mechanism.joints}
+    while joint_name in taken:
+        joint_name += "_fixed"
+    joint = Joint(joint_name, JointKind.FIXED, carrier, link.name, placement)
+    return replace(mechanism, links=(*mechanism.links, link), joints=(*mechanism.joints, joint))
+
+
+def require_link(mechanism: Mechanism, argument: str, link: str) -> None:
+    """Check the name of a link.
+
+    Parameters
+    ----------
+    mechanism
+        Description.
+    argument
+        Name of the argument, for the message.
+    link
+        Name that the caller passed.
+
+    Raises
+    ------
+    InputError
+        If there is no such link; lists those that there are.
+    """
+    links = [part.name for part in mechanism.links]
+    if link not in links:
+        raise InputError(
+            f"{argument} {link!r} is no link of {mechanism.name}; the links are: {', '.join(links)}"
+        )

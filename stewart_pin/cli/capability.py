@@ -11,8 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from stewart_pin.building.loading import load
-from stewart_pin.cli.output import console, write_json
-from stewart_pin.cli.poses import configuration_of, describe_pose
+from stewart_pin.cli.output import configuration_of, console, describe_pose, write_json
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.capability.chain_limits import velocity_polytope, wrench_polytope
 from stewart_pin.mechanics.capability.polytope import (

@@ -11,8 +11,8 @@ from rich.table import Table
 
 from stewart_pin.analysis.assembly_modes.description import describe_modes
 from stewart_pin.analysis.assembly_modes.solver import assembly_modes
+from stewart_pin.building.legs import planar_rpr
 from stewart_pin.building.loading import load
-from stewart_pin.building.planar_legs import planar_rpr
 from stewart_pin.cli.output import console, parse_numbers, write_json
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod
@@ -21,9 +21,8 @@ from stewart_pin.geometry.planar_modes import planar_assembly_modes
 from stewart_pin.geometry.rotations import rpy_from_rotation
 from stewart_pin.mechanics.kinematics import motor_positions
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.viz.assembly_modes import plot_assembly_modes
 from stewart_pin.viz.figures import check_picture_path, save_figure
-from stewart_pin.viz.planar import plot_poses
+from stewart_pin.viz.planar import plot_assembly_modes, plot_poses
 
 _SAME = 1e-9
 """Difference of two strokes that is round-off of their offsets [m]."""

@@ -13,12 +13,12 @@ from rich.table import Table
 
 from stewart_pin.building.loading import load
 from stewart_pin.cli.output import console, progress_bar, write_json
-from stewart_pin.cli.simulate import summarise_run
-from stewart_pin.cli.simulated import (
+from stewart_pin.cli.simulate import (
     CONTROLLERS,
     controller_by_name,
     plot_tracking,
     start_of,
+    summarise_run,
     tracking_errors,
 )
 from stewart_pin.errors import InputError

@@ -17,15 +17,14 @@ from rich.markup import escape
 from rich.table import Table
 
 from stewart_pin.building.loading import load
-from stewart_pin.cli.output import console, progress_bar, write_json
-from stewart_pin.cli.ranges import parse_range
+from stewart_pin.cli.output import console, parse_range, progress_bar, write_json
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.description import JointKind
 from stewart_pin.motion.trajectories import PlatformSamples, sinusoidal_motion
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.studies.answers import Sweep
 from stewart_pin.studies.demand_sweep import sweep_demand
-from stewart_pin.studies.record import Sweep
 from stewart_pin.viz.figures import check_picture_path, save_figure
 from stewart_pin.viz.sweep_picture import plot_sweep
 

@@ -19,19 +19,19 @@ import numpy as np
 
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
-from stewart_pin.geometry.planar import PlanarRPR, planar_leg_lengths
-from stewart_pin.geometry.planar_merging import near_circle, one_by_one
+from stewart_pin.geometry.planar import PlanarRPR, leg_system, planar_leg_lengths
 from stewart_pin.geometry.planar_polynomial import (
     ROUND_OFF,
     Legs,
     as_lengths,
     laurent,
+    near_circle,
+    one_by_one,
     pose_polynomial,
     pose_terms,
     reduced_legs,
 )
 from stewart_pin.geometry.planar_special import may_be_special, special_modes
-from stewart_pin.geometry.planar_system import leg_system
 from stewart_pin.typing import ArrayLike, BoolArray, ComplexArray, FloatArray, IntArray
 
 _FINITE, _POSITIVE = "finite", "positive-dimensional"

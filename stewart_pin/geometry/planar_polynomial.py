@@ -17,8 +17,9 @@ import numpy as np
 
 from stewart_pin.checks import as_array, as_batch
 from stewart_pin.errors import InputError
-from stewart_pin.geometry.planar import PlanarRPR
-from stewart_pin.typing import ArrayLike, ComplexArray, FloatArray, IntArray
+from stewart_pin.geometry.newton import Equations, strong_newton, valley_newton
+from stewart_pin.geometry.planar import PlanarRPR, leg_system
+from stewart_pin.typing import ArrayLike, BoolArray, ComplexArray, FloatArray, IntArray
 
 ROUND_OFF = 64 * np.finfo(float).eps
 """Misfit of a leg length that counts as zero, per largest length in the problem."""
@@ -234,3 +235,148 @@ def _product(a: ComplexArray, b: ComplexArray) -> ComplexArray:
     for i in range(a.shape[1]):
         out[:, i : i + b.shape[1]] += a[:, i : i + 1] * b
     return out
+
+
+# ----------------------------------------------------------------------------------------------------
+# Assembly modes of one planar 3-RPR problem near a merging of poses, where each root needs a second look
+#
+# Close to a merging the eigenvalues of a double root scatter by the square root of round-off, on or off the
+# unit circle. The leg equations decide: a pose is real if they hold to round-off, and two poses are one if they
+# hold halfway between as well.
+# ----------------------------------------------------------------------------------------------------
+
+_BAND = 0.05
+"""A root closer to the unit circle may be a real one, scattered: six-fold by round-off to the power 1/6."""
+
+_SCATTER = 1e4 * np.finfo(float).eps
+"""An m-fold root scatters its eigenvalues over a disc of about this radius to the power 1/m."""
+
+_SINGULAR = 1e-5
+"""Least over largest singular value at a merged pose that Newton's method has reached as far as it can."""
+
+_SHARED = 1e-4
+"""Poses with angles this close have one root between them as far as eigenvalues can tell."""
+
+_SAME = 1e-2
+"""Poses farther apart than this are different, whatever the equations say halfway."""
+
+_RING = 24
+"""Starting points on the circle where all three circles nearly coincide."""
+
+
+def near_circle(roots: ComplexArray, coefficients: ComplexArray) -> tuple[BoolArray, BoolArray]:
+    """Tell the real roots of several polynomials, and the polynomials where that is not clear-cut.
+
+    Parameters
+    ----------
+    roots
+        (n, k) complex.
+    coefficients
+        (n, k + 1) of the polynomials, the leading one last.
+
+    Returns
+    -------
+    real : numpy.ndarray
+        (n, k) whether a root has modulus one to round-off.
+    doubtful : numpy.ndarray
+        (n,) whether some root may belong to a merged pair, or is close to one that does.
+    """
+    offset = np.abs(np.abs(roots) - 1.0)
+    real = offset < 1e-9
+    distance = np.abs(roots[:, :, None] - roots[:, None, :])
+    distance[:, np.arange(roots.shape[1]), np.arange(roots.shape[1])] = np.inf
+    nearest = distance.min(axis=-1)
+    # An error e of the coefficients moves a root and its neighbour by the root of e / |c| Π |z - others|.
+    distance[distance == nearest[..., None]] = 1.0
+    distance[distance == np.inf] = 1.0
+    error = _SCATTER * np.abs(coefficients).sum(axis=-1) / np.abs(coefficients[:, -1])
+    complex_for_certain = offset**2 * distance.prod(axis=-1) > error[:, None]
+    doubtful = np.where(real, nearest < 1e-4, (offset < _BAND) & ~complex_for_certain)
+    return real, doubtful.any(axis=-1)
+
+
+def one_by_one(legs: Legs) -> list[tuple[complex, float, int]]:
+    """Find the poses of one problem that no closed form covers.
+
+    Parameters
+    ----------
+    legs
+        A batch of one problem.
+
+    Returns
+    -------
+    list of tuple
+        ``(w, angle, multiplicity)`` of each pose: vector along leg 1 [1], [rad], int.
+    """
+    b, d, p = legs.anchors[0], legs.corners[0], legs.lengths[0]
+    roots = unit_circle_roots(pose_polynomial(legs)[0])
+    close = roots[np.abs(np.abs(roots) - 1.0) < _BAND]
+    if not len(close):
+        return []
+    start = np.array([[w.real, w.imag, t] for t in np.angle(close) for w in _circle_starts(b, d, p, t)])
+    if not len(start):
+        return []
+    system = leg_system(b, d, p)
+    x = valley_newton(system, start, max_iterations=60, largest_step=3e-2)
+    x[:, 2] = np.angle(np.exp(1j * x[:, 2]))
+    misfit = np.abs(system(x)[0]).max(axis=-1)
+    order = np.argsort(misfit)
+    poses = _distinct(system, x[order][misfit[order] <= ROUND_OFF])
+    multiplicity = _multiplicities(roots, poses, system(poses)[1] if len(poses) else np.zeros((0, 3, 3)))
+    return [(complex(x, y), float(t), int(m)) for (x, y, t), m in zip(poses, multiplicity, strict=True)]
+
+
+def _circle_starts(b: ComplexArray, d: ComplexArray, p: FloatArray, angle: float) -> list[complex]:
+    """Guess positions at an angle: each leg puts corner 1 on a circle; intersect the two farthest apart."""
+    centres = b - np.exp(1j * angle) * d
+    i, j = max(((0, 1), (0, 2), (1, 2)), key=lambda ij: abs(centres[ij[1]] - centres[ij[0]]))
+    gap = abs(centres[j] - centres[i])
+    if gap < 1e-2:
+        # Nearly one circle: its legs barely tell where along it the pose lies.
+        return list(centres.mean() + p.mean() * np.exp(2j * np.pi * np.arange(_RING) / _RING))
+    along = (centres[j] - centres[i]) / gap
+    foot = ((p[i] - p[j]) * (p[i] + p[j]) + gap**2) / (2 * gap)
+    # Circles that just miss each other may touch at the polished angle.
+    height = np.sqrt(max(p[i] ** 2 - foot**2, 0.0))
+    return [complex(centres[i] + along * complex(foot, s * height)) for s in (-1.0, 1.0)]
+
+
+def _distinct(equations: Equations, x: FloatArray) -> FloatArray:
+    """Keep one of the poses that the leg equations cannot tell apart; the best come first."""
+    kept = np.zeros((0, 3))
+    for pose in x:
+        half = 0.5 * (pose - kept)
+        half[:, 2] = 0.5 * np.angle(np.exp(1j * (pose[2] - kept[:, 2])))
+        near = np.abs(half).max(axis=-1) < _SAME
+        # The poses that satisfy the equations to round-off lie on a curve: look halfway along it.
+        halfway = strong_newton(equations, (kept + half)[near], max_iterations=3)
+        if (np.abs(equations(halfway)[0]).max(axis=-1) > ROUND_OFF).all():
+            kept = np.concatenate([kept, pose[None]])
+    return kept
+
+
+def _multiplicities(roots: ComplexArray, poses: FloatArray, jacobian: FloatArray) -> IntArray:
+    """Give each pose its root, then hand the roots left over to singular poses within their scatter."""
+    multiplicity = np.ones(len(poses), dtype=int)
+    if not len(poses):
+        return multiplicity
+    distance = np.abs(np.exp(1j * poses[:, 2])[:, None] - roots[None, :])
+    free = np.ones(len(roots), dtype=bool)
+    for _ in range(min(len(poses), len(roots))):
+        pose, root = np.unravel_index(np.argmin(distance), distance.shape)
+        free[root] = False
+        distance[pose], distance[:, root] = np.inf, np.inf
+    singular = np.linalg.svd(jacobian, compute_uv=False)
+    for k in np.argsort(singular[:, -1] / singular[:, 0]):
+        if singular[k, -1] > _SINGULAR * singular[k, 0]:
+            break
+        left = np.flatnonzero(free)
+        gaps = np.abs(roots[left] - np.exp(1j * poses[k, 2]))
+        left, gaps = left[np.argsort(gaps)], np.sort(gaps)
+        # Poses that share the angle (D = 0) share the root of f and scatter it further.
+        sharing = int((np.abs(np.exp(1j * poses[:, 2]) - np.exp(1j * poses[k, 2])) < _SHARED).sum())
+        more = [m for m in range(1, len(gaps) + 1) if gaps[m - 1] <= _SCATTER ** (1 / (m + sharing))]
+        if more:
+            multiplicity[k] += more[-1]
+            free[left[: more[-1]]] = False
+    return multiplicity

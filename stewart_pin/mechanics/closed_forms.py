@@ -12,13 +12,11 @@ from typing import Literal, get_args
 import numpy as np
 
 from stewart_pin.building.hexapod_bodies import hexapod_bodies
-from stewart_pin.building.planar_legs import planar_rpr
-from stewart_pin.building.rotary_legs import rotary_legs
+from stewart_pin.building.legs import planar_rpr, rotary_legs
 from stewart_pin.building.variants import massless_legs
 from stewart_pin.errors import InputError, StewartPinError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths, point_mass_forces
-from stewart_pin.geometry.hexapod_bodies import HexapodBodies
-from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics
+from stewart_pin.geometry.hexapod_dynamics import HexapodBodies, hexapod_inverse_dynamics
 from stewart_pin.geometry.leg_motion import leg_rates
 from stewart_pin.geometry.planar import PlanarRPR, planar_leg_lengths
 from stewart_pin.geometry.rotary import RotaryLegs, crank_angles

@@ -12,14 +12,19 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.studies.answers import Answer, EachPoint, Study
-from stewart_pin.studies.carried import Carried
+from stewart_pin.studies.answers import Answer, Carried, EachPoint, Study, Sweep
 from stewart_pin.studies.comparison import Progress
-from stewart_pin.studies.in_flight import require_portable, run_tasks, tasks_in_flight
-from stewart_pin.studies.journal import Journal, open_journal
-from stewart_pin.studies.ledger import Ledger
-from stewart_pin.studies.points import Points, as_points, function_name, require_parameters, words
-from stewart_pin.studies.record import Sweep
+from stewart_pin.studies.journal import Journal, Ledger, open_journal
+from stewart_pin.studies.points import (
+    Points,
+    as_points,
+    function_name,
+    require_parameters,
+    require_portable,
+    run_tasks,
+    tasks_in_flight,
+    words,
+)
 from stewart_pin.typing import ArrayLike
 
 _LISTED = 8

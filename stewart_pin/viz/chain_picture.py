@@ -11,8 +11,8 @@ from stewart_pin.model.description import JointKind
 from stewart_pin.model.tree import link_frame
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.typing import ArrayLike, FloatArray
-from stewart_pin.viz.body_points import body_points
 from stewart_pin.viz.figures import new_figure
+from stewart_pin.viz.scene import body_points
 
 _GROUND, _PLATFORM, _BODY, _MOTOR, _LOOP = "0.45", "C0", "0.2", "C3", "C2"
 

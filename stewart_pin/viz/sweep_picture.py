@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from stewart_pin.errors import InputError
-from stewart_pin.studies.record import Sweep
+from stewart_pin.studies.answers import Sweep
 from stewart_pin.typing import ArrayLike, FloatArray
 from stewart_pin.viz.figures import new_figure
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.building.resources import urdf_root
+from stewart_pin.building.loading import urdf_root
 from stewart_pin.geometry.rotations import rotation_from_rpy
 from tests.building.test_round_trip import assert_same
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.building import resources
+from stewart_pin.building import loading
 from stewart_pin.errors import (
     FileMissingError,
     InputError,
@@ -110,17 +110,17 @@ def test_robots_are_found_in_a_wheel(tmp_path: Path, monkeypatch: pytest.MonkeyP
     shutil.copytree(bundled("stewart").parent, package / "urdf" / "stewart")
     (package / "urdf" / "empty").mkdir()
     try:
-        monkeypatch.setattr(resources, "_PACKAGE", package)
-        resources.urdf_root.cache_clear()
-        assert resources.urdf_root() == package / "urdf"
+        monkeypatch.setattr(loading, "_PACKAGE", package)
+        loading.urdf_root.cache_clear()
+        assert loading.urdf_root() == package / "urdf"
         assert stp.robots() == ("stewart",)
         assert stp.load("stewart").mechanism.source.startswith(str(package))
-        monkeypatch.setattr(resources, "_PACKAGE", tmp_path / "elsewhere" / "stewart_pin")
-        resources.urdf_root.cache_clear()
+        monkeypatch.setattr(loading, "_PACKAGE", tmp_path / "elsewhere" / "stewart_pin")
+        loading.urdf_root.cache_clear()
         with pytest.raises(FileMissingError, match="reinstall"):
             stp.robots()
     finally:
-        resources.urdf_root.cache_clear()
+        loading.urdf_root.cache_clear()
 
 
 def test_the_description_is_frozen() -> None:

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import stewart_pin as stp
-from stewart_pin.building.resources import urdf_root
+from stewart_pin.building.loading import urdf_root
 from tests.closed_states import random_configuration, robot
 
 THIRDS = 2 * np.pi / 3 * np.arange(3)

@@ -7,8 +7,7 @@ import pinocchio as pin
 import pytest
 
 from stewart_pin.errors import InputError
-from stewart_pin.motion.profiles import chirp_motion, minimum_jerk_motion, spline_motion
-from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.motion.trajectories import PlatformSamples, chirp_motion, minimum_jerk_motion, spline_motion
 
 
 def poses(rng: np.random.Generator, count: int) -> list[pin.SE3]:

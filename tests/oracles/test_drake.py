@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.building.resources import find_robot
+from stewart_pin.building.loading import find_robot
 from stewart_pin.model.description import JointKind
 
 pytest.importorskip("pydrake", reason="needs Drake: pip install 'stewart_pin[oracles]'")

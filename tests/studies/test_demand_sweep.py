@@ -17,8 +17,8 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.motion import motor_demand as motor_demand_module
-from stewart_pin.studies import demand_study
-from stewart_pin.studies.carried import Carried
+from stewart_pin.studies import demand_sweep
+from stewart_pin.studies.answers import Carried
 from stewart_pin.studies.demand_sweep import _digest
 from tests.studies import functions
 from tests.studies.motions import PHASE, design, robot, shake, shake_stewart
@@ -186,7 +186,7 @@ def test_the_state_that_fails_is_looked_at_first(monkeypatch: pytest.MonkeyPatch
 
 def test_designs_may_stand_side_by_side() -> None:
     """The study itself takes points of several designs in any order."""
-    study = demand_study.DemandStudy(
+    study = demand_sweep.DemandStudy(
         design, functools.partial(shake, frequency=5.0), ("radius",), ("amplitude", "chain"), True, 1.0
     )
     points = [{"radius": radius, "amplitude": 0.05} for radius in (0.5, 0.7, 0.5)]
@@ -235,14 +235,14 @@ def test_a_worker_keeps_a_chain_and_its_kernels() -> None:
 def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = stp.sweep_demand(robot("stewart"), shake_stewart, AXES, kernels=True)
     states: list[int] = []
-    plain = demand_study.demands_by_kernels
+    plain = demand_sweep.demands_by_kernels
 
     def noting(kernels: object, motions: Sequence[stp.motions.PlatformSamples]) -> object:
         states.append(sum(map(len, motions)))
         return plain(kernels, motions)
 
-    monkeypatch.setattr(demand_study, "demands_by_kernels", noting)
-    monkeypatch.setattr(demand_study, "_STATES", 100)
+    monkeypatch.setattr(demand_sweep, "demands_by_kernels", noting)
+    monkeypatch.setattr(demand_sweep, "_STATES", 100)
     monkeypatch.setattr(motor_demand_module, "_CHUNK", 32)
     same(stp.sweep_demand(robot("stewart"), shake_stewart, AXES, kernels=True, chunk=12), whole)
     assert sum(states) == 12 * 40 and max(states) <= 100 + 40
@@ -294,13 +294,13 @@ def test_a_design_is_built_once_and_compiled_where_it_is_worth_it(monkeypatch: p
         monkeypatch.setattr(motor_demand_module, "leg_form", lambda chain, form: None)
         return design(radius)
 
-    plain = demand_study.demands_by_kernels
+    plain = demand_sweep.demands_by_kernels
 
     def noting(kernels, motions) -> object:
         compiled.append(kernels)
         return plain(kernels, motions)
 
-    monkeypatch.setattr(demand_study, "demands_by_kernels", noting)
+    monkeypatch.setattr(demand_sweep, "demands_by_kernels", noting)
     axes = {"amplitude": np.linspace(0.01, 0.1, 8), "radius": [0.5, 0.7]}
     motion = functools.partial(shake, frequency=2.0)
     stp.sweep_demand(counted, motion, axes, chunk=3)  # 8 motions of 40 states for each design

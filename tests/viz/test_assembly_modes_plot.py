@@ -15,7 +15,7 @@ LENGTHS = np.array([20.0, 25.0, 26.0, 20.0, 20.0, 20.0])
 
 def test_one_panel_for_each_mode(source_hexapod: stp.Hexapod) -> None:
     pytest.importorskip("matplotlib")
-    from stewart_pin.viz.assembly_modes import plot_assembly_modes
+    from stewart_pin.viz.planar import plot_assembly_modes
 
     modes = stp.assembly_modes(source_hexapod, LENGTHS)
     figure = plot_assembly_modes(source_hexapod, modes, columns=3)
@@ -29,7 +29,7 @@ def test_one_panel_for_each_mode(source_hexapod: stp.Hexapod) -> None:
 
 
 def test_bad_requests_are_named(source_hexapod: stp.Hexapod, monkeypatch) -> None:
-    from stewart_pin.viz.assembly_modes import plot_assembly_modes
+    from stewart_pin.viz.planar import plot_assembly_modes
 
     modes = stp.assembly_modes(source_hexapod, LENGTHS)
     none = stp.assembly_modes(source_hexapod, [1.0, 1.0, 1.0, 1.0, 1.0, 99.0])

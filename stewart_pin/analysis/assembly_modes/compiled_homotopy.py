@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit  # pyright: ignore[reportMissingModuleSource]
 
 from stewart_pin.analysis.assembly_modes.homotopy import LOST, MAX_REFUSALS, SHARE, Tracked, TrackerSettings
-from stewart_pin.analysis.assembly_modes.infinity import (
+from stewart_pin.analysis.assembly_modes.study import (
     BEYOND_DOUBLES,
     CLOSE,
     CONVERGED,
@@ -20,8 +20,9 @@ from stewart_pin.analysis.assembly_modes.infinity import (
     NO_NORM,
     NO_ROTATION_PART,
     ROUND_OFF,
+    ComplexArray,
+    StudyPlatform,
 )
-from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform
 
 # Fused multiply-add, no signed zeros; NaN and infinity keep their meaning: the refusal of a step needs them.
 _jit = njit(cache=True, fastmath={"contract", "nsz"}, error_model="numpy")

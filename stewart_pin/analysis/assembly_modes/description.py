@@ -1,26 +1,79 @@
-"""What each assembly mode is like: side of the singularities, conditioning, legs in each other's way.
-
-References
-----------
-.. [1] C. Ericson, "Real-Time Collision Detection", Morgan Kaufmann, 2005, section 5.1.9 (segments).
-"""
+"""What the search for all poses answers."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stewart_pin.analysis.assembly_modes.records import AssemblyModes
+from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform, half_gradient, operators
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_vectors
 from stewart_pin.geometry.hexapod_pose import robot_size, scaled_jacobian
 from stewart_pin.typing import ArrayLike, FloatArray
+
+Kind = Literal["finite", "positive-dimensional"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AssemblyModes(Brief):
+    """All real poses of a six-legged platform for six leg lengths, highest platform first.
+
+    Attributes
+    ----------
+    position
+        (n, 3) platform origins in the base frame [m].
+    rotation
+        (n, 3, 3) platform axes in the base frame.
+    residual
+        (n,) greatest leg-length error of each pose [m].
+    certified
+        (n,) mask: a solution next to the pose is proven to exist, and to be the only one there.
+    n_complex
+        Number of different finite complex solutions found, the real ones included.
+    kind
+        ``"finite"``, or ``"positive-dimensional"`` when the equations hold along a curve: the platform
+        moves with all legs locked. The poses are then the isolated ones only.
+    complete
+        Whether every path was accounted for: the number of solutions is the generic one, or two searches from
+        unrelated start systems agree and none of their paths failed. False means that poses may be missing, or
+        that one which is nearly double has been counted twice.
+    expected
+        Finite complex solutions, with multiplicity, that the paths account for; the generic number of the
+        geometry when that is known.
+    failed_paths
+        Paths of the last search whose end could not be decided.
+    searches
+        Start systems that were used.
+    """
+
+    position: FloatArray
+    rotation: FloatArray
+    residual: FloatArray
+    certified: NDArray[np.bool_]
+    n_complex: int
+    kind: Kind
+    complete: bool
+    expected: int
+    failed_paths: int
+    searches: int
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+
+# ----------------------------------------------------------------------------------------------------
+# What each assembly mode is like: side of the singularities, conditioning, legs in each other's way
+#
+# References
+# ----------
+# .. [1] C. Ericson, "Real-Time Collision Detection", Morgan Kaufmann, 2005, section 5.1.9 (segments).
+# ----------------------------------------------------------------------------------------------------
 
 _TOUCHING = 1e-12
 """Two leg ends closer than this, over the size of the robot, are one joint."""
@@ -159,3 +212,53 @@ def _clearance(hexapod: Hexapod, legs: FloatArray, size: float) -> tuple[FloatAr
     distance = segment_distance(base[i], legs[:, i], base[j], legs[:, j])
     best = distance.argmin(axis=1)
     return distance.min(axis=1), pairs[best]
+
+
+# ----------------------------------------------------------------------------------------------------
+# Tell an isolated singular solution from a point of a curve of solutions
+# ----------------------------------------------------------------------------------------------------
+
+_STEP = 1e-2
+"""Distance at which a neighbour is sought; near an isolated point the residual is its square at least."""
+_SOLVED = 1e-11
+"""Residual of a neighbour that solves the equations, relative to the gradients, dimensionless."""
+
+
+def lies_on_curve(platform: StudyPlatform, point: ComplexArray) -> bool:
+    """Find out whether the equations hold along a curve through a singular solution.
+
+    Parameters
+    ----------
+    platform
+        Parameters.
+    point
+        (8,) singular solution, Study coordinates of norm one.
+
+    Returns
+    -------
+    bool
+        True when neighbours on either side at a finite distance solve the equations as well.
+    """
+    matrices = operators(platform.difference, platform.total)
+    gradient = half_gradient(matrices, platform.squares, point[None])[0]
+    border = np.vstack([gradient, point.conj()])
+    # Rows of Vᴴ: the last is the direction in which the equations do not change to first order.
+    direction = np.linalg.svd(border)[2][-1].conj()
+    return all(_has_neighbour(platform, point, direction, sign * _STEP) for sign in (1.0, -1.0))
+
+
+def _has_neighbour(
+    platform: StudyPlatform, point: ComplexArray, direction: ComplexArray, step: float
+) -> bool:
+    matrices = operators(platform.difference, platform.total)
+    here, scale = point + step * direction, 1.0
+    for _ in range(12):
+        gradient = half_gradient(matrices, platform.squares, here[None])[0]
+        rows = np.vstack([2.0 * gradient, point.conj(), direction.conj()])
+        offset = here - point
+        values = np.concatenate([gradient @ here, [point.conj() @ offset, direction.conj() @ offset - step]])
+        here = here - np.linalg.lstsq(rows, values, rcond=1e-9)[0]
+        scale = float(np.abs(gradient).max())
+    gradient = half_gradient(matrices, platform.squares, here[None])[0]
+    away = abs(direction.conj() @ (here - point)) > 0.5 * abs(step)
+    return bool(away and np.abs(gradient @ here).max() < _SOLVED * scale)

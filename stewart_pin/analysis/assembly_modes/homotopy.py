@@ -16,22 +16,24 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stewart_pin.analysis.assembly_modes.infinity import (
+from stewart_pin.analysis.assembly_modes.study import (
     CLOSE,
     CONVERGED,
     NEAR,
+    SMALL_ROTATION_PART,
+    ComplexArray,
+    StudyPlatform,
     foresees_infinity,
+    operators,
     relative_norm,
     round_off,
 )
-from stewart_pin.analysis.assembly_modes.linear_systems import solve
-from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform, operators
 from stewart_pin.typing import FloatArray
 
 
@@ -322,3 +324,101 @@ def _summed(series: list[ComplexArray], ratio: ComplexArray, length: FloatArray)
     for x_j in series[-2::-1]:
         y = y * s + x_j
     return y
+
+
+# ----------------------------------------------------------------------------------------------------
+# Many small linear systems at once, in double or in extended precision
+# ----------------------------------------------------------------------------------------------------
+
+EXTENDED = np.clongdouble
+"""Complex numbers with more digits than doubles: 64 bits on x86, 113 on other Linux, none more elsewhere."""
+
+
+def solve(matrices: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
+    """Solve linear systems; singular ones give least-squares solutions or entries that are not finite.
+
+    Parameters
+    ----------
+    matrices
+        (n, k, k) coefficients, dimensionless.
+    right
+        (n, k, m) or (k, m) right-hand sides, dimensionless.
+
+    Returns
+    -------
+    numpy.ndarray
+        (n, k, m) solutions, dimensionless.
+    """
+    if matrices.dtype == EXTENDED:
+        return _eliminate(matrices, right)
+    try:
+        return np.linalg.solve(matrices, right)
+    except np.linalg.LinAlgError:
+        return np.linalg.pinv(matrices) @ right
+
+
+def _eliminate(matrices: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
+    # LAPACK has no extended precision.
+    n, k, _ = matrices.shape
+    rows = np.concatenate([matrices, np.broadcast_to(right, (n, *right.shape[-2:]))], axis=2)
+    each = np.arange(n)
+    for c in range(k):
+        pivot = c + np.abs(rows[:, c:, c]).argmax(axis=1)
+        rows[each, c], rows[each, pivot] = rows[each, pivot], rows[each, c].copy()
+        rows[:, c] /= rows[:, c, c : c + 1]
+        others = np.delete(np.arange(k), c)
+        rows[:, others] -= rows[:, others, c, None] * rows[:, None, c]
+    return rows[:, :, k:]
+
+
+# ----------------------------------------------------------------------------------------------------
+# Follow paths that are lost next to infinity to their ends with more digits
+#
+# There the gradients are so nearly singular that the last digits of doubles decide. It takes few geometries in a
+# thousand, but the classes whose paths go to infinity have finite solutions beside it. Where the platform's
+# compiler has no longer floats than doubles nothing is gained, and such paths stay undecided.
+# ----------------------------------------------------------------------------------------------------
+
+_AT_MOST = 10
+"""More lost paths than chance explains: the geometry is architecturally singular, and digits do not help."""
+_BEYOND = 1e-22
+"""Relative |⟨e, e⟩| of a lost path that went to infinity: its end would depend on the last digits of the input."""
+
+
+def with_more_digits(start: StudyPlatform, target: StudyPlatform, tracked: Tracked) -> Tracked:
+    """Go on with the paths that were lost next to infinity, and correct the ends that are there.
+
+    Parameters
+    ----------
+    start, target
+        The ends of the homotopy.
+    tracked
+        What double precision made of it.
+
+    Returns
+    -------
+    Tracked
+        The same with those paths replaced; in extended precision where there were any.
+    """
+    # An end at infinity that has a rotation part was reached by a jump from afar, and is told in doubles.
+    small = (np.abs(tracked.points[:, :4]) ** 2).sum(axis=1) < SMALL_ROTATION_PART
+    close = (relative_norm(tracked.points) < CLOSE[1]) & ~tracked.infinite & (small | (tracked.tau > 0.0))
+    if not 0 < close.sum() <= _AT_MOST:
+        return tracked
+    points, tau = tracked.points.astype(EXTENDED), tracked.tau.copy()
+    infinite, steps = tracked.infinite.copy(), tracked.steps.copy()
+    for i in np.flatnonzero(close):
+        here = _between(start, target, tracked.tau[i])
+        # A path that had arrived stays where it is, and is corrected.
+        on = track(here, _between(start, target, 0.0), points[i : i + 1], DEFAULT)
+        points[i], tau[i], infinite[i] = on.points[0], on.tau[0] * tracked.tau[i], on.infinite[0]
+        steps[i] += on.steps[0]
+    infinite |= close & (tau > 0.0) & (relative_norm(points) < _BEYOND)
+    return replace(tracked, points=points, tau=tau, infinite=infinite, steps=steps)
+
+
+def _between(start: StudyPlatform, target: StudyPlatform, tau: float) -> StudyPlatform:
+    ends = [
+        [np.asarray(a, dtype=EXTENDED) for a in (p.difference, p.total, p.squares)] for p in (start, target)
+    ]
+    return StudyPlatform(*(b + np.longdouble(tau) * (a - b) for a, b in zip(*ends, strict=True)))

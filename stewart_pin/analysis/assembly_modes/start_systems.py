@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stewart_pin.analysis.assembly_modes.endpoints import distinct
+from stewart_pin.analysis.assembly_modes.certificates import distinct
 from stewart_pin.analysis.assembly_modes.homotopy import DEFAULT, track
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, StudyPlatform, operators
 from stewart_pin.errors import ConvergenceError

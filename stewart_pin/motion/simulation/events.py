@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
+import pinocchio as pin
 
 from stewart_pin.mechanics.singularity.split import SingularityKind, split_jacobians
 from stewart_pin.motion.simulation.motors import MotorBank
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State
+from stewart_pin.tolerances import EPS
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 EventKind = Literal[
@@ -194,3 +198,171 @@ class Watcher:
 def _entry(chain: ClosedChain, row: int) -> int:
     """Index in the configuration of a tangent entry that is a coordinate."""
     return next(joint.idx_q for joint in chain.model.joints[1:] if joint.idx_v == row)
+
+
+# ----------------------------------------------------------------------------------------------------
+# What a run watches between its records: loops that come near a singularity of theirs
+# ----------------------------------------------------------------------------------------------------
+
+_LEAST_SLOPE = 0.05
+"""Least change of the distance per way that is reckoned with: it may be steeper than before."""
+_HALVINGS = 12
+"""Thirds by which the nearest point of one step is found: to a hundredth of the step."""
+
+
+class LoopNearness:
+    """Distance of the loops to a singularity of theirs, looked at as often as the motion asks for.
+
+    Singular values of rows of natural size change no faster than the configuration, so a look is due when it has gone
+    a part of the last distance.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    threshold
+        Share of the usual distance that is near.
+    """
+
+    def __init__(self, chain: ClosedChain, threshold: float) -> None:
+        self._chain = chain
+        self._usual = chain.generic.usual_loops if chain.nc and chain.generic.rank else math.inf
+        self.limit = threshold * self._usual if math.isfinite(self._usual) else 0.0
+        self.near = False
+        self._left, self._seen, self._slope, self._gone = 0.0, math.inf, 1.0, 0.0
+
+    @property
+    def memory(self) -> tuple[bool, float, float, float, float]:
+        """What a run that goes on has to know."""
+        return self.near, self._left, self._seen, self._slope, self._gone
+
+    @memory.setter
+    def memory(self, memory: tuple[bool, float, float, float, float]) -> None:
+        self.near, self._left, self._seen, self._slope, self._gone = memory
+
+    def passed(
+        self, h: float, q: Configuration, v: Tangent, q_next: Configuration
+    ) -> tuple[float, str] | None:
+        """Look at a step.
+
+        Parameters
+        ----------
+        h
+            Its length [s].
+        q
+            (nq,) configuration at its start [m, rad, unit quaternions].
+        v
+            (nv,) velocity there [m/s, rad/s].
+        q_next
+            (nq,) configuration at its end [m, rad, unit quaternions].
+
+        Returns
+        -------
+        tuple or None
+            Smallest singular value of the loops in the step, where it has come near a singularity that the step before
+            was not near to, and the joint that moves most in the motion that is gained.
+        """
+        if not self.limit or not np.isfinite(q_next).all():
+            return None
+        way = h * float(np.linalg.norm(v / self._chain.tangent_scale))
+        self._left -= way
+        self._gone += way
+        if self._left > 0.0:
+            return None
+        state = State(self._chain, q_next)
+        here, before = state.motions.smallest, self._seen
+        # A large step may jump over the singularity, if the distance falls on as before: look between its ends.
+        if here > self.limit and here + before < 2 * self._slope * self._gone:
+            state = self._nearest(q, q_next)
+        if math.isfinite(before) and self._gone:
+            self._slope = max(_LEAST_SLOPE, abs(here - before) / self._gone)
+        self._seen, self._left, self._gone = here, here / 2, 0.0
+        reached = state.motions.smallest
+        began, self.near = reached < self.limit and not self.near, reached < self.limit
+        if not began:
+            return None
+        gained = state.motions.gained
+        return reached, str(self._chain.tangent_names[int(np.argmax(np.abs(gained)))])
+
+    def _nearest(self, q: Configuration, q_next: Configuration) -> State:
+        chain, lower, upper = self._chain, 0.0, 1.0
+
+        def at(share: float) -> State:
+            return State(chain, pin.interpolate(chain.model, q, q_next, share))
+
+        for _ in range(_HALVINGS):
+            third = (upper - lower) / 3
+            if at(lower + third).motions.smallest < at(upper - third).motions.smallest:
+                upper -= third
+            else:
+                lower += third
+        return at((lower + upper) / 2)
+
+
+# ----------------------------------------------------------------------------------------------------
+# The energy account of a run, which tells when a step is too large for the motion
+# ----------------------------------------------------------------------------------------------------
+
+SHARE = 0.01
+"""Energy that may be missing, as a share of what the motion has exchanged: half of it is the error of a speed, which a
+reader of a plot begins to see. The methods lose less than a hundredth of it with a step that resolves the motion."""
+_DOUBT = 0.05
+"""Largest share by which the work's own quadrature may excuse a difference at the end of a run: with more, the step
+does not resolve the work. A transient at its start may be a little coarse, while little is exchanged."""
+_STILL = EPS**0.5
+"""Share of the weight times the size of a robot below which a difference is round-off: half of the digits."""
+
+
+class EnergyAccount:
+    """What energy there is, what was supplied and what became heat, compared since the first start.
+
+    Parameters
+    ----------
+    floor
+        Weight times size of the robot [J].
+    start
+        Energy less work plus heat at the start, lowest and highest potential energy, largest kinetic energy since, as
+        `memory` gave them [J]; None at a first start.
+    """
+
+    def __init__(self, floor: float, start: tuple[float, float, float, float] | None = None) -> None:
+        self._floor, self.memory = _STILL * floor, start
+
+    def off(
+        self, kinetic: float, potential: float, supplied: float, heat: float, doubt: float, last: bool
+    ) -> tuple[float, float]:
+        """Compare the account with its start.
+
+        Parameters
+        ----------
+        kinetic, potential
+            Energies now, springs with the latter [J].
+        supplied, heat
+            Work and heat since the first start [J].
+        doubt
+            Estimated error of their quadrature [J].
+        last
+            Whether the run ends here.
+
+        Returns
+        -------
+        error : float
+            Energy gained from nowhere, or lost, where it is more than the account allows; else zero [J].
+        scale : float
+            Energy that the motion has exchanged or held in motion [J].
+        """
+        balance = kinetic + potential - supplied + heat
+        if self.memory is None:
+            self.memory = (balance, potential, potential, kinetic)
+        first, lowest, highest, fastest = self.memory
+        lowest, highest, fastest = min(lowest, potential), max(highest, potential), max(fastest, kinetic)
+        self.memory = (first, lowest, highest, fastest)
+        scale = max(fastest, highest - lowest, abs(supplied), heat)
+        error = balance - first
+        allowed = (
+            SHARE * scale
+            + (min(doubt, _DOUBT * scale) if last else doubt)
+            + self._floor
+            + 64 * EPS * abs(potential)
+        )
+        return (0.0 if abs(error) <= allowed else error), scale

@@ -12,19 +12,24 @@ import numpy as np
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import ClosureError, ConvergenceError, InputError, SingularityError
 from stewart_pin.kernels.choosing import simulation_kernels
-from stewart_pin.motion.simulation.account import SHARE, EnergyAccount
-from stewart_pin.motion.simulation.charts import METHODS, ChartStepper, ScipyMethod
 from stewart_pin.motion.simulation.drive import (
     Controller,
     ControllerFailure,
     Drive,
     DynamicController,
+    Flow,
     Sampled,
 )
-from stewart_pin.motion.simulation.events import KINDS, Event, EventKind, Watcher
-from stewart_pin.motion.simulation.flow import Flow
+from stewart_pin.motion.simulation.events import (
+    KINDS,
+    SHARE,
+    EnergyAccount,
+    Event,
+    EventKind,
+    LoopNearness,
+    Watcher,
+)
 from stewart_pin.motion.simulation.motors import MotorBank, Motors
-from stewart_pin.motion.simulation.nearness import LoopNearness
 from stewart_pin.motion.simulation.plant import Plant
 from stewart_pin.motion.simulation.record import (
     Memory,
@@ -33,7 +38,13 @@ from stewart_pin.motion.simulation.record import (
     SimulationInterrupted,
     SimulationState,
 )
-from stewart_pin.motion.simulation.steppers import Phase, RungeKuttaStepper
+from stewart_pin.motion.simulation.steppers import (
+    METHODS,
+    ChartStepper,
+    Phase,
+    RungeKuttaStepper,
+    ScipyMethod,
+)
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.state.state import State, as_chain
 from stewart_pin.tolerances import EPS

@@ -1,16 +1,94 @@
-"""One step of the classical Runge-Kutta method on the manifold of closed loops."""
+"""Displacements of a step on the manifold: how their rates depend on the velocity of the chain."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import pinocchio as pin
+from scipy import integrate
+from scipy.linalg import get_lapack_funcs
 
-from stewart_pin.motion.simulation.lie import Displacements
+from stewart_pin.errors import ClosureError, InputError, SingularityError
 from stewart_pin.motion.simulation.plant import Plant
+from stewart_pin.state.state import State
+from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import Configuration, FloatArray, Tangent
+
+
+class Displacements:
+    """Displacements ξ with q = q0 ⊕ ξ of one model.
+
+    Joints with one freedom add up; those that turn about several axes do not, and need a correction.
+
+    Parameters
+    ----------
+    model
+        Tree.
+    """
+
+    def __init__(self, model: pin.Model) -> None:
+        self._bodies = [joint.idx_v for joint in model.joints[1:] if joint.nv == 6]
+        self._balls = [joint.idx_v for joint in model.joints[1:] if joint.nv == 3]
+
+    def rate(self, displacement: Tangent, v: Tangent) -> Tangent:
+        """Compute the rate of a displacement that moves the chain at a velocity.
+
+        Parameters
+        ----------
+        displacement
+            (nv,) ξ [m, rad].
+        v
+            (nv,) tangent velocity at q0 ⊕ ξ [m/s, rad/s].
+
+        Returns
+        -------
+        numpy.ndarray
+            (nv,) ``v + [ξ, v] / 2 + [ξ, [ξ, v]] / 12``, exact to third order in ξ: enough for an integrator of order
+            four [m/s, rad/s].
+
+        References
+        ----------
+        .. [1] A. Iserles, H. Munthe-Kaas, S. Nørsett, A. Zanna, "Lie-group methods", Acta Numerica, 2000, eq. (2.46).
+        """
+        if not (self._bodies or self._balls):
+            return v
+        rate = v.copy()
+        for k in self._bodies:
+            part = slice(k, k + 6)
+            step = pin.Motion(displacement[part])
+            once = step ^ pin.Motion(v[part])
+            rate[part] += once.vector / 2 + (step ^ once).vector / 12
+        for k in self._balls:
+            part = slice(k, k + 3)
+            turn = pin.skew(np.array(displacement[part]))
+            once = turn @ v[part]
+            rate[part] += once / 2 + turn @ once / 12
+        return rate
+
+
+def displacement_jacobian(model: pin.Model, q: FloatArray, q_moved: FloatArray) -> FloatArray:
+    """Differentiate a displacement by where it leads.
+
+    Parameters
+    ----------
+    model
+        Tree.
+    q, q_moved
+        (nq,) configurations [m, rad, unit quaternions].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nv, nv) rate of ``difference(q, q_moved)`` per tangent velocity at `q_moved`, dimensionless.
+    """
+    return pin.dDifference(model, q, q_moved, pin.ArgumentPosition.ARG1)
+
+
+# ----------------------------------------------------------------------------------------------------
+# One step of the classical Runge-Kutta method on the manifold of closed loops
+# ----------------------------------------------------------------------------------------------------
 
 
 class Phase(NamedTuple):
@@ -117,3 +195,191 @@ class RungeKuttaStepper:
         moved = Phase(q, v, x, gap)
         self._passed(t + h, h, phase, moved)
         return moved
+
+
+# ----------------------------------------------------------------------------------------------------
+# SciPy's integrators in independent coordinates: every state they see has closed loops
+#
+# About a base configuration, y are the coordinates of the motions N that keep the loops closed there, and u = Nᵀ v.
+# Whatever y and u an integrator proposes, the loops are closed for it; when y has grown, the base moves.
+# ----------------------------------------------------------------------------------------------------
+
+(_gesv,) = get_lapack_funcs(("gesv",), dtype=np.float64)
+ScipyMethod = Literal["RK23", "RK45", "DOP853", "Radau", "BDF", "LSODA"]
+METHODS: tuple[ScipyMethod, ...] = get_args(ScipyMethod)
+"""Adaptive integrators of SciPy."""
+_REACH = 0.25
+"""Largest coordinate of a chart, in robot sizes and radians, before the base moves."""
+_MAX_STEPS = 30
+_SMALLEST = 1e-8
+"""Smallest step, in intervals: an error that has not fallen by then is one of the equations, not of the step."""
+_MOST = 1_000
+"""Steps in a row that are shorter than a thousandth of the interval: a method that creeps is stopped too."""
+_CREEP = 1e-3
+
+
+def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    _, _, solution, info = _gesv(matrix, right)
+    if info:
+        raise SingularityError(
+            "the loops are singular here: their equations depend on each other", smallest_singular_value=0.0
+        )
+    return solution
+
+
+class _Chart:
+    """Coordinates (y, u) of closed configurations and velocities near a base, lengths in robot sizes."""
+
+    def __init__(self, plant: Plant, phase: Phase) -> None:
+        self._plant, self._base, self._guess = plant, phase.q, phase.q
+        self._scale = plant.chain.tangent_scale
+        self._sizes = plant.chain.row_sizes
+        self._rows = plant.rows
+        jacobian = State(plant.chain, phase.q).rows[self._rows]
+        # As many motions as the mechanism has, whatever a singularity adds here.
+        self._motions = np.linalg.svd(jacobian)[2][self._rows.size :]  # Nᵀ
+        self.size = self._motions.shape[0]
+
+    def write(self, phase: Phase) -> FloatArray:
+        """Coordinates of the base itself, where y is zero."""
+        return np.concatenate([np.zeros(self.size), self._motions @ (phase.v / self._scale), phase.x])
+
+    def rate(self, phase: Phase, a: FloatArray, x_rate: FloatArray) -> FloatArray:
+        """Rate of the coordinates under an acceleration."""
+        bent = displacement_jacobian(self._plant.model, self._base, phase.q)
+        y_rate = self._motions @ ((bent @ phase.v) / self._scale)
+        return np.concatenate([y_rate, self._motions @ (a / self._scale), x_rate])
+
+    def read(self, coordinates: FloatArray) -> Phase:
+        """Close the loops for given coordinates, from the configuration read last."""
+        plant, n = self._plant, self.size
+        y, u = coordinates[:n], coordinates[n : 2 * n]
+        q, left = self._guess, np.zeros(0)
+        for _ in range(_MAX_STEPS):
+            state = State(plant.chain, q)
+            gap = state.gap
+            moved = pin.difference(plant.model, self._base, q) / self._scale
+            left = np.concatenate([(gap / self._sizes)[self._rows], self._motions @ moved - y])
+            bent = displacement_jacobian(plant.model, self._base, q)
+            jacobian = state.rows[self._rows]
+            matrix = np.vstack([jacobian, (self._motions / self._scale) @ bent * self._scale])
+            if np.abs(left).max(initial=0.0) <= max(CLOSED, state.round_off):
+                along = np.vstack([jacobian, self._motions])
+                rest = np.zeros(jacobian.shape[0])
+                v = _solve(along, np.concatenate([rest, u])) * self._scale
+                self._guess = q
+                return Phase(q, v, coordinates[2 * n :], float(np.abs(gap).max(initial=0.0)))
+            q = pin.integrate(plant.model, q, -_solve(matrix, left) * self._scale)
+        raise ClosureError(
+            f"the loops do not close in the chart: {np.abs(left).max():.3g} left",
+            residual=float(np.abs(left).max()),
+            iterations=_MAX_STEPS,
+            q=q,
+        )
+
+
+class ChartStepper:
+    """Adaptive steps by one of SciPy's methods.
+
+    Parameters
+    ----------
+    plant
+        Chain.
+    rates
+        Right-hand side.
+    method
+        One of `METHODS`.
+    rtol, atol
+        Error per step, relative and absolute, lengths in robot sizes.
+    passed
+        Told of every step.
+
+    Attributes
+    ----------
+    doubt
+        Zero: the method keeps the error of work and heat within its tolerances [J].
+    first_step
+        Step with which to go on [s].
+    """
+
+    def __init__(
+        self, plant: Plant, rates: Rates, method: str, rtol: float, atol: float, passed: Passed
+    ) -> None:
+        if method not in METHODS:
+            raise InputError(f"method must be 'fixed' or one of {', '.join(METHODS)}, got {method!r}")
+        self._plant, self._rates = plant, rates
+        self._method = getattr(integrate, method)
+        self._tolerances = {"rtol": rtol, "atol": atol}
+        self._passed = passed
+        self.doubt = 0.0
+        self.first_step: float | None = None
+
+    def restart(self) -> None:
+        """Forget the past: nothing is kept but the size of the steps, which errors check."""
+
+    def advance(self, t: float, phase: Phase, h: float) -> Phase:
+        """Integrate over an interval.
+
+        Parameters
+        ----------
+        t
+            Time at its start [s].
+        phase
+            State there.
+        h
+            Its length [s].
+
+        Returns
+        -------
+        Phase
+            State at its end, loops closed.
+
+        Raises
+        ------
+        ClosureError
+            If the loops cannot be closed, or the integrator's step vanishes.
+        """
+        end = t + h
+        creeping, longest, last = 0, 0.0, np.inf
+        # The right-hand side may jump at the end of an interval, so the past is kept only within it.
+        while t < end:
+            chart, solver = self._start(t, phase, end)
+            while solver.status == "running" and np.abs(solver.y[: chart.size]).max(initial=0.0) < _REACH:
+                message = solver.step()
+                step = solver.step_size or 0.0
+                creeping = creeping + 1 if step < _CREEP * h and solver.status == "running" else 0
+                shrunk = creeping > 1 and step < _SMALLEST * h and step <= last
+                last = step
+                if solver.status == "failed" or creeping > _MOST or shrunk:
+                    raise self._stopped(solver.t, step, message, phase)
+                longest = max(longest, step)
+                before, phase = phase, chart.read(solver.y)
+                self._passed(solver.t, solver.t - t, before, phase)
+                t = solver.t
+            # The longest of the interval: what is left of it at its end may be round-off.
+            self.first_step = longest or None
+        return phase
+
+    def _stopped(self, t: float, step: float, message: str | None, phase: Phase) -> Exception:
+        near = State(self._plant.chain, phase.q).motions.smallest
+        usual = self._plant.chain.generic.usual_loops
+        why = message or f"its steps have shrunk to {step:.3g} s without meeting the tolerances"
+        where = f"; the loops are near a singularity there (smallest singular value {near:.3g})"
+        return ClosureError(
+            f"{self._method.__name__} stops at {t:.9g} s: {why}{where if near < _CREEP * usual else ''}",
+            residual=phase.gap,
+            iterations=0,
+            q=phase.q,
+        )
+
+    def _start(self, t: float, phase: Phase, end: float) -> tuple[_Chart, Any]:
+        plant = self._plant
+        plant.select_rows(State(plant.chain, phase.q))
+        chart = _Chart(plant, phase)
+
+        def rate(time: float, coordinates: FloatArray) -> FloatArray:
+            here = chart.read(coordinates)
+            return chart.rate(here, *self._rates(time, here.q, here.v, here.x))
+
+        first = None if self.first_step is None else min(self.first_step, end - t)
+        return chart, self._method(rate, t, chart.write(phase), end, first_step=first, **self._tolerances)

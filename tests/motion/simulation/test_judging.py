@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.motion.simulation.charts import METHODS
 from stewart_pin.motion.simulation.record import SimulationInterrupted
+from stewart_pin.motion.simulation.steppers import METHODS
 from stewart_pin.state.state import State
 from tests.closed_states import random_motion, robot, slow_but_for_few
 from tests.mechanisms import five_bar, four_bar

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.motion.simulation.lie import Displacements, displacement_jacobian
+from stewart_pin.motion.simulation.steppers import Displacements, displacement_jacobian
 
 
 def test_rate_of_a_displacement(rng: np.random.Generator) -> None:
