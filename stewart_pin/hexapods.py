@@ -5,9 +5,9 @@ from stewart_pin.analysis.assembly_modes import ModeDescription as ModeDescripti
 from stewart_pin.analysis.assembly_modes import describe_modes as describe_modes
 from stewart_pin.building.hexapod_bodies import hexapod_bodies as hexapod_bodies
 from stewart_pin.building.hexapod_bodies import hexapod_inertias as hexapod_inertias
-from stewart_pin.geometry.hexapod_designs import cubic_hexapod as cubic_hexapod
-from stewart_pin.geometry.hexapod_designs import hexapod_6_3 as hexapod_6_3
-from stewart_pin.geometry.hexapod_designs import semi_regular_hexapod as semi_regular_hexapod
+from stewart_pin.geometry.hexapod import cubic_hexapod as cubic_hexapod
+from stewart_pin.geometry.hexapod import hexapod_6_3 as hexapod_6_3
+from stewart_pin.geometry.hexapod import semi_regular_hexapod as semi_regular_hexapod
 from stewart_pin.geometry.hexapod_dynamics import HexapodBodies as HexapodBodies
 from stewart_pin.geometry.hexapod_dynamics import HexapodForces as HexapodForces
 from stewart_pin.geometry.hexapod_dynamics import RigidBody as RigidBody

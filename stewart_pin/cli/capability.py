@@ -23,8 +23,8 @@ from stewart_pin.mechanics.capability.polytope import (
     polytope_support,
 )
 from stewart_pin.mechanics.kinematics import motor_positions, platform_pose
+from stewart_pin.viz.capability_pictures import plot_polytopes
 from stewart_pin.viz.figures import check_picture_path, save_figure
-from stewart_pin.viz.polytope_picture import plot_polytopes
 
 
 def capability(

@@ -17,8 +17,7 @@ import numpy as np
 
 from stewart_pin.checks import as_array, as_batch
 from stewart_pin.errors import InputError
-from stewart_pin.geometry.newton import Equations, strong_newton, valley_newton
-from stewart_pin.geometry.planar import PlanarRPR, leg_system
+from stewart_pin.geometry.planar import Equations, PlanarRPR, leg_system, strong_newton, valley_newton
 from stewart_pin.typing import ArrayLike, BoolArray, ComplexArray, FloatArray, IntArray
 
 ROUND_OFF = 64 * np.finfo(float).eps

@@ -18,8 +18,7 @@ import numpy as np
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.geometry.newton import valley_newton
-from stewart_pin.geometry.planar import PlanarRPR, merging_system, planar_leg_lengths
+from stewart_pin.geometry.planar import PlanarRPR, merging_system, planar_leg_lengths, valley_newton
 from stewart_pin.geometry.planar_modes import planar_assembly_modes_batch
 from stewart_pin.geometry.planar_polynomial import ROUND_OFF, as_lengths, reduced_legs, unit_circle_roots
 from stewart_pin.typing import ArrayLike, ComplexArray, FloatArray, IntArray

@@ -229,7 +229,7 @@ def _compiled_lengths(hexapod: Hexapod, rotation: FloatArray) -> Callable[[Float
         import casadi as ca  # noqa: PLC0415 - optional
     except ImportError:
         raise MissingExtraError("casadi", "kernels") from None
-    from stewart_pin.programs.compile_function import compile_function  # noqa: PLC0415 - optional
+    from stewart_pin.programs.array_kernel import compile_function  # noqa: PLC0415 - optional
 
     # At one orientation leg i is as long as the platform origin is away from B_i - R P_i.
     centres = hexapod.base_points - hexapod.platform_points @ np.asarray(rotation).T

@@ -23,7 +23,7 @@ from stewart_pin.state.state import as_chain
 if TYPE_CHECKING:
     from stewart_pin.kernels.graph.function_set import FunctionSet
     from stewart_pin.kernels.graph.legs import PlacedLeg
-    from stewart_pin.kernels.planning.pivots import Pivots
+    from stewart_pin.kernels.planning.elimination import Pivots
 
 
 class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):

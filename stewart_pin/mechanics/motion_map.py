@@ -6,7 +6,7 @@ With J_c the loop Jacobian and A the rows of the coordinates, :math:`\dot x = A 
 
 where R spans the motions that the coordinates leave at rest: idle freedoms, for motors that hold the robot. The last
 equation says that these carry no momentum of their own, so that they drop out of the equation of motion; see
-`stewart_pin.state.own_motion`.
+`stewart_pin.state.freedom`.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from stewart_pin.brief import Brief
 from stewart_pin.errors import ActuationError, SingularityError
 from stewart_pin.mechanics.coordinates import Coordinates, choose_coordinates, rows_bias
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.freedom import split_motions
-from stewart_pin.state.own_motion import OwnMotion
+from stewart_pin.state.freedom import OwnMotion, split_motions
 from stewart_pin.state.state import State, as_state, named_motion
 from stewart_pin.tolerances import SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent

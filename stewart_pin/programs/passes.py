@@ -10,8 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from stewart_pin.programs.interpreter import run_program
-from stewart_pin.programs.program import Instruction, Kind, Program, ProgramBuilder
+from stewart_pin.programs.program import Instruction, Kind, Program, ProgramBuilder, run_program
 
 
 def rewrite(program: Program, rule: Callable[[ProgramBuilder, Instruction, int], int]) -> Program:

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError
-from stewart_pin.programs.interpreter import run_program
-from stewart_pin.programs.program import Program, require_output
+from stewart_pin.programs.program import Program, require_output, run_program
 from stewart_pin.typing import BoolArray, FloatArray
 
 

@@ -22,7 +22,7 @@ from stewart_pin.state.loop_rows import (
     place_loops,
     wrenches_of,
 )
-from stewart_pin.state.platform import platform_jacobian, platform_jacobian_rate
+from stewart_pin.state.relative_motion import platform_jacobian, platform_jacobian_rate
 from stewart_pin.state.scratch import Scratch, once
 from stewart_pin.tolerances import CONSISTENT, DIGITS, EPS, NO_INERTIA, ROUND_OFF_STEPS, SINGULAR
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent

@@ -9,8 +9,8 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.analysis.assembly_modes import homotopy
+from stewart_pin.analysis.assembly_modes.certificates import build_start_system, start_systems
 from stewart_pin.analysis.assembly_modes.solver import search, tracker_for
-from stewart_pin.analysis.assembly_modes.start_systems import build_start_system, start_systems
 from stewart_pin.analysis.assembly_modes.study import Scaling, StudyPlatform
 from stewart_pin.errors import InputError, MissingExtraError
 from tests.analysis.platforms import CLASSES, distance_to, draw

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.analysis.assembly_modes.certificates import classify
+from stewart_pin.analysis.assembly_modes.certificates import classify, start_systems
 from stewart_pin.analysis.assembly_modes.homotopy import DEFAULT, EXTENDED, solve
 from stewart_pin.analysis.assembly_modes.solver import Engine, tracker_for
-from stewart_pin.analysis.assembly_modes.start_systems import start_systems
 from stewart_pin.analysis.assembly_modes.study import Scaling, StudyPlatform, foresees_infinity
 from tests.analysis.platforms import CLASSES, draw
 

@@ -10,8 +10,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.kernels.kernels import compile_kernels
-from stewart_pin.kernels.planning.elimination import Elimination
-from stewart_pin.kernels.planning.pivots import plan_pivots
+from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots
 from stewart_pin.programs.status import StateStatus
 from tests.building import cassie
 

@@ -15,7 +15,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import ClosureError, UnsupportedError
 from stewart_pin.kernels.graph.held_motion import _held
-from stewart_pin.kernels.planning.idle_freedoms import idle_moved
+from stewart_pin.kernels.planning.samples import idle_moved
 from tests import mechanisms
 from tests.closed_states import KINDS, close, robot, slow_but_for_few
 from tests.kernels.held_motions import HeldState, held_state, slope

@@ -22,7 +22,7 @@ from stewart_pin.kernels.graph.platform_dynamics import place_platform
 from stewart_pin.kernels.graph.platform_kinematics import pose_equations
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.verbs.newton import NewtonSteps, Plans, Solved, solve_on_branch, straight
-from stewart_pin.programs.compile_function import compile_function
+from stewart_pin.programs.array_kernel import compile_function
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.tolerances import CLOSED
 from tests.closed_states import robot

@@ -7,7 +7,7 @@ import pytest
 
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import Joint, JointKind, Outcome
-from stewart_pin.model.spanning_tree import cut_second_parents
+from stewart_pin.model.unfolding import cut_second_parents
 from tests.mechanisms import at
 
 R = JointKind.REVOLUTE

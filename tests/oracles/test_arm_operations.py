@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from stewart_pin.programs.array_kernel import ArrayKernel
-from stewart_pin.programs.interpreter import run_program
 from stewart_pin.programs.llvm.machine_code import Target, object_file
 from stewart_pin.programs.llvm.operations import WRITTEN
 from stewart_pin.programs.passes import prepare
-from stewart_pin.programs.program import LIBRARY, Kind
+from stewart_pin.programs.program import LIBRARY, Kind, run_program
 from tests.programs.examples import (
     kinds_of_every_operation,
     one_operation,

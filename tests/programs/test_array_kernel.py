@@ -16,8 +16,7 @@ import pytest
 
 from stewart_pin.errors import InputError, MissingExtraError
 from stewart_pin.programs import array_kernel
-from stewart_pin.programs.array_kernel import ArrayKernel
-from stewart_pin.programs.compile_function import compile_function
+from stewart_pin.programs.array_kernel import ArrayKernel, compile_function
 from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.llvm import machine_code
 from stewart_pin.programs.passes import prepare

@@ -37,7 +37,7 @@ held = []
 atexit.register(lambda: print(held[0](np.array([[3.0]]))[0, 0], held[1](np.array([4.0]))[0]))
 import casadi as ca
 import numpy as np
-from stewart_pin.programs.compile_function import compile_function
+from stewart_pin.programs.array_kernel import compile_function
 x = ca.SX.sym("x")
 kernel = compile_function(ca.Function("f", [x], [x * x]))
 held += [kernel, kernel.single_state()]

@@ -9,11 +9,18 @@ import pytest
 
 from stewart_pin.programs.array_kernel import ArrayKernel
 from stewart_pin.programs.instructions import program_from_casadi
-from stewart_pin.programs.interpreter import run_program
 from stewart_pin.programs.llvm.machine_code import Target, assembly, load_llvm
 from stewart_pin.programs.llvm.module import module_for_ranges
 from stewart_pin.programs.passes import prepare
-from stewart_pin.programs.program import LIBRARY, Kind, Port, Program, ProgramBuilder, operation_counts
+from stewart_pin.programs.program import (
+    LIBRARY,
+    Kind,
+    Port,
+    Program,
+    ProgramBuilder,
+    operation_counts,
+    run_program,
+)
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 from tests.programs.examples import (
     dense_solve,

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from stewart_pin.errors import InputError
-from stewart_pin.programs.array_kernel import ArrayKernel, Engine
-from stewart_pin.programs.compile_function import compile_function
+from stewart_pin.programs.array_kernel import ArrayKernel, Engine, compile_function
 from stewart_pin.programs.repeating import Repeat
 from stewart_pin.programs.status import StateBound, StateStatus
 from tests.programs.targets import TARGETS

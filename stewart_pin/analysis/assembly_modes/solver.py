@@ -19,10 +19,16 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.analysis.assembly_modes import homotopy
-from stewart_pin.analysis.assembly_modes.certificates import beside, certify, classify, distinct
+from stewart_pin.analysis.assembly_modes.certificates import (
+    StartSystem,
+    beside,
+    certify,
+    classify,
+    distinct,
+    start_systems,
+)
 from stewart_pin.analysis.assembly_modes.description import AssemblyModes, lies_on_curve
 from stewart_pin.analysis.assembly_modes.homotopy import Tracked, TrackerSettings, with_more_digits
-from stewart_pin.analysis.assembly_modes.start_systems import StartSystem, start_systems
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, Scaling, StudyPlatform
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, MissingExtraError

@@ -14,8 +14,7 @@ from stewart_pin.kernels.graph.leg_reactions import holding_share
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.graph.whole_tree import motor_columns as tree_motor_columns
-from stewart_pin.kernels.planning.elimination import Elimination
-from stewart_pin.kernels.planning.pivots import plan_pivots
+from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots
 from stewart_pin.kernels.planning.spatial import shared
 from stewart_pin.typing import FloatArray
 

@@ -17,11 +17,9 @@ import casadi as ca
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.derivatives import pose_chart
 from stewart_pin.kernels.graph.leg_forces import leg_accelerations
-from stewart_pin.kernels.graph.legs import leg_rates
+from stewart_pin.kernels.graph.legs import leg_rates, platform_motion
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
-from stewart_pin.kernels.graph.platform_motion import platform_motion
-from stewart_pin.kernels.planning.elimination import Elimination
-from stewart_pin.kernels.planning.pivots import plan_pivots
+from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots
 from stewart_pin.kernels.planning.spatial import constant, shared
 
 

@@ -2,7 +2,7 @@
 
 The configuration comes from Newton steps; velocity and acceleration follow from the loop rows stacked on the rows of
 what drives, by one elimination with pivots chosen on samples. Idle freedoms carry no momentum, as in
-`stewart_pin.platform_motion`, see `stewart_pin.state.own_motion`; how they accelerate is left to their own inertia
+`stewart_pin.platform_motion`, see `stewart_pin.state.freedom`; how they accelerate is left to their own inertia
 where efforts are written.
 """
 
@@ -28,8 +28,7 @@ from stewart_pin.kernels.graph.whole_tree import (
     tree_inverse_dynamics,
     without_momentum,
 )
-from stewart_pin.kernels.planning.elimination import Elimination, solve_symmetric
-from stewart_pin.kernels.planning.pivots import plan_pivots
+from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_symmetric
 from stewart_pin.kernels.planning.spatial import constant, shared, turn_from_quaternion
 from stewart_pin.kernels.planning.tree import Tree
 from stewart_pin.model.description import JointKind

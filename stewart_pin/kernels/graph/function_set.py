@@ -36,9 +36,8 @@ from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
 from stewart_pin.kernels.graph.state_functions import projection_function
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
-from stewart_pin.kernels.planning.idle_freedoms import require_idle_without_effect
 from stewart_pin.kernels.planning.plan import plan_platform
-from stewart_pin.kernels.planning.samples import closed_samples
+from stewart_pin.kernels.planning.samples import closed_samples, require_idle_without_effect
 from stewart_pin.kernels.planning.tree import tree_of
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.description import JointKind

@@ -34,8 +34,7 @@ from stewart_pin.kernels.graph.held_motion import (
     condition_gaps,
     hold_motors,
 )
-from stewart_pin.kernels.graph.joint_efforts import tree_efforts
-from stewart_pin.kernels.graph.joint_motion import at_rest, motions
+from stewart_pin.kernels.graph.joint_motion import at_rest, motions, tree_efforts
 from stewart_pin.kernels.graph.platform_dynamics import (
     PlacedPlatform,
     balance,

@@ -25,10 +25,8 @@ from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.loop_rows import loop_gaps
 from stewart_pin.kernels.graph.platform_frame import platform_bias, platform_columns, platform_placement
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, motor_columns, tree_bias
-from stewart_pin.kernels.planning.elimination import Elimination
-from stewart_pin.kernels.planning.idle_freedoms import idle_moved
-from stewart_pin.kernels.planning.pivots import plan_pivots
-from stewart_pin.kernels.planning.samples import closed_samples
+from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots
+from stewart_pin.kernels.planning.samples import closed_samples, idle_moved
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import TWIST_AXES
 from stewart_pin.state.geometry_parameters import geometry_parameters

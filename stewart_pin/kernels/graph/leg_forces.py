@@ -11,10 +11,16 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.graph.joint_efforts import Wrench, carry_down, efforts_of_wrenches, inertial_wrenches
-from stewart_pin.kernels.graph.joint_motion import Motions, RootMotion, motions
-from stewart_pin.kernels.graph.legs import PlacedLeg, far_point, idle_momenta
-from stewart_pin.kernels.graph.platform_motion import PlatformMotion
+from stewart_pin.kernels.graph.joint_motion import (
+    Motions,
+    RootMotion,
+    Wrench,
+    carry_down,
+    efforts_of_wrenches,
+    inertial_wrenches,
+    motions,
+)
+from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, far_point, idle_momenta
 from stewart_pin.kernels.planning.elimination import solve_symmetric
 from stewart_pin.kernels.planning.spatial import constant, skew
 

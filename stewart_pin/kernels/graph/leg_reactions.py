@@ -19,16 +19,14 @@ import numpy as np
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.leg_forces import LegForces, on_platform
-from stewart_pin.kernels.graph.legs import PlacedLeg, turning_of
+from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, platform_motion, turning_of
 from stewart_pin.kernels.graph.platform_dynamics import (
     PlacedPlatform,
     balance_legs,
     balancing_efforts,
     forces_of_legs,
 )
-from stewart_pin.kernels.graph.platform_motion import PlatformMotion, platform_motion
-from stewart_pin.kernels.planning.elimination import Elimination, solve_square, solve_symmetric
-from stewart_pin.kernels.planning.pivots import plan_pivots
+from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_square, solve_symmetric
 from stewart_pin.kernels.planning.plan import LegEnd
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant, shared
 from stewart_pin.model.loop_table import AngleRow, orthonormal_triad

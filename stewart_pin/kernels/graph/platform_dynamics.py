@@ -17,9 +17,12 @@ import numpy as np
 
 from stewart_pin.errors import SingularityError
 from stewart_pin.kernels.graph.leg_forces import LegForces, leg_forces, leg_inertia
-from stewart_pin.kernels.graph.legs import PlacedLeg, Samples, leg_rates, place_leg
-from stewart_pin.kernels.graph.platform_motion import (
+from stewart_pin.kernels.graph.legs import (
+    PlacedLeg,
     PlatformMotion,
+    Samples,
+    leg_rates,
+    place_leg,
     platform_inertia,
     platform_motion,
     platform_wrench,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from stewart_pin.kernels.graph.joint_efforts import efforts_of_wrenches, moments_of
-from stewart_pin.kernels.graph.joint_motion import at_rest, motions
+from stewart_pin.kernels.graph.joint_motion import at_rest, efforts_of_wrenches, moments_of, motions
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant, shared
 

@@ -12,12 +12,10 @@ import numpy as np
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.driven_tree import DrivenTree, driven_motion
-from stewart_pin.kernels.graph.joint_efforts import Wrench, carry_down, efforts_of_wrenches
-from stewart_pin.kernels.graph.joint_motion import at_rest, motions
+from stewart_pin.kernels.graph.joint_motion import Wrench, at_rest, carry_down, efforts_of_wrenches, motions
 from stewart_pin.kernels.graph.leg_forces import leg_motions, leg_velocities
-from stewart_pin.kernels.graph.legs import PlacedLeg, leg_rates
+from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, leg_rates, platform_motion
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, balancing_efforts, motor_columns
-from stewart_pin.kernels.graph.platform_motion import PlatformMotion, platform_motion
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, motor_efforts
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant, shared, skew, turning_matrix
 from stewart_pin.state.chain import ClosedChain

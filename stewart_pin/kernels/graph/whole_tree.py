@@ -14,11 +14,23 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import SingularityError
-from stewart_pin.kernels.graph.joint_efforts import tree_efforts
-from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, joint_placement, motions, placements
+from stewart_pin.kernels.graph.joint_motion import (
+    Placements,
+    at_rest,
+    joint_placement,
+    motions,
+    placements,
+    tree_efforts,
+)
 from stewart_pin.kernels.graph.loop_rows import LoopColumns, loop_bias, loop_columns
-from stewart_pin.kernels.planning.elimination import Elimination, solve_square, solve_symmetric
-from stewart_pin.kernels.planning.pivots import REGULAR, Pivots, plan_pivots
+from stewart_pin.kernels.planning.elimination import (
+    REGULAR,
+    Elimination,
+    Pivots,
+    plan_pivots,
+    solve_square,
+    solve_symmetric,
+)
 from stewart_pin.kernels.planning.samples import at_samples, pivot_samples
 from stewart_pin.kernels.planning.spatial import constant
 from stewart_pin.kernels.planning.tree import Tree, tree_of

@@ -8,7 +8,9 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.errors import UnsupportedError
+from stewart_pin.errors import ClosureError, UnsupportedError
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
+from stewart_pin.mechanics.kinematics import platform_motion, platform_pose
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.generic import regularity
 from stewart_pin.state.newton import close_loops
@@ -103,3 +105,94 @@ def at_samples(inputs: Sequence[ca.SX], samples: Sequence[FloatArray], matrix: c
     function = ca.Function("sample", list(inputs), [ca.densify(matrix)])
     rows = zip(*samples, strict=True)
     return np.array([np.array(function(*row)).reshape(matrix.shape) for row in rows])
+
+
+# ----------------------------------------------------------------------------------------------------
+# Whether it matters where idle freedoms stand: platform and motors do not determine it
+# ----------------------------------------------------------------------------------------------------
+
+_SAME = 1e-6
+"""Relative difference of efforts that closing the loops again leaves."""
+_TURNS = (0.5, 0.1, 0.02)
+"""How far idle freedoms are moved for the comparison, in robot sizes and radians: the first that can be closed."""
+
+
+def require_idle_without_effect(chain: ClosedChain, q: Configuration) -> None:
+    """Refuse chains whose motor efforts depend on where idle freedoms stand, as a lopsided rod that may spin.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops, to compare at [m, rad, unit quaternions].
+
+    Raises
+    ------
+    UnsupportedError
+        If efforts differ, or the idle freedoms cannot be moved.
+    """
+    here = chain.at(q)
+    freedom = here.freedom
+    if not freedom.idle.shape[1] or freedom.lost.shape[1]:
+        return
+    rng = np.random.default_rng(0)
+    jacobian = here.P
+    twist, acceleration = (
+        jacobian @ freedom.motions @ rng.normal(size=freedom.motions.shape[1]) for _ in range(2)
+    )
+    # Near the same pose only the twists that the platform can do everywhere are sure to be feasible.
+    if chain.generic.count.platform < 6:
+        acceleration = twist = np.zeros(6)
+    direction = freedom.idle @ rng.uniform(0.5, 1.0, freedom.idle.shape[1])
+    pose = platform_pose(chain, q)
+
+    def efforts_at(guess: Configuration) -> FloatArray:
+        state = platform_motion(chain, pose, twist, acceleration, q_guess=guess, limits=False)
+        return inverse_dynamics(state).tau_motor
+
+    efforts = [efforts_at(q), efforts_at(idle_moved(chain, q, direction))]
+    if np.abs(efforts[0] - efforts[1]).max() > _SAME * np.abs(efforts[0]).max():
+        names = [
+            n for n, x in zip(chain.tangent_names, np.abs(freedom.idle).max(axis=1), strict=True) if x > 1e-6
+        ]
+        raise UnsupportedError(
+            f"where idle freedoms of {chain.name} stand ({', '.join(names[:3])}, ...) changes the motor efforts, and "
+            "neither platform nor motors determine it; use coordinates='tree'"
+        )
+
+
+def idle_moved(chain: ClosedChain, q: Configuration, direction: FloatArray) -> Configuration:
+    """Put idle freedoms elsewhere while the platform rests.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration with closed loops [m, rad, unit quaternions].
+    direction
+        (nv,) an idle motion, of about one robot size or radian [m, rad].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nq,) configuration with closed loops and the same pose, as far along that motion as loops let it go at once
+        [m, rad, unit quaternions].
+
+    Raises
+    ------
+    UnsupportedError
+        If it cannot be moved.
+    """
+    pose, rest = platform_pose(chain, q), np.zeros(6)
+    for turn in _TURNS:
+        try:
+            guess = close_loops(chain, pin.integrate(chain.model, q, turn * direction)).q
+            return platform_motion(chain, pose, rest, rest, q_guess=guess, limits=False).q
+        except ClosureError:
+            continue
+    raise UnsupportedError(
+        f"the idle freedoms of {chain.name} cannot be moved by {_TURNS[-1]} with the platform at rest, so it is not "
+        "known whether they matter; use coordinates='tree'"
+    )

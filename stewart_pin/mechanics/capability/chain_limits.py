@@ -8,7 +8,7 @@ from stewart_pin.errors import UnreachableError, UnsupportedError
 from stewart_pin.mechanics.capability.enumeration import image_of_limits
 from stewart_pin.mechanics.capability.platform_space import motor_limits, platform_space
 from stewart_pin.mechanics.capability.polytope import Polytope
-from stewart_pin.mechanics.resting import hangs
+from stewart_pin.mechanics.effort import hangs
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
 from stewart_pin.state.state import State, as_state

@@ -15,9 +15,13 @@ from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.errors import ActuationError, InputError
 from stewart_pin.mechanics.constraint_matrix.columns import loop_openings
-from stewart_pin.mechanics.constraint_matrix.couplings import coupling_opening
 from stewart_pin.mechanics.constraint_matrix.kinematics import motion_about
-from stewart_pin.mechanics.constraint_matrix.system import AssembledSystem, ConstraintMatrixSystem, assemble
+from stewart_pin.mechanics.constraint_matrix.system import (
+    AssembledSystem,
+    ConstraintMatrixSystem,
+    assemble,
+    coupling_opening,
+)
 from stewart_pin.mechanics.effort import Effort
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State

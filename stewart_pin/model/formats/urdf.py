@@ -35,11 +35,10 @@ from stewart_pin.model.formats.urdf_core import (
     read_odd_inertias,
     read_platform,
 )
-from stewart_pin.model.formats.urdf_elements import UrdfElements
-from stewart_pin.model.formats.urdf_shapes import SHAPE_TAGS, is_used
+from stewart_pin.model.formats.urdf_elements import SHAPE_TAGS, UrdfElements, is_used
 from stewart_pin.model.formats.xml import reason_to_ignore, shown_tag
 from stewart_pin.model.roles import mark_motors
-from stewart_pin.model.spanning_tree import cut_second_parents
+from stewart_pin.model.unfolding import cut_second_parents
 
 # ----------------------------------------------------------------------------------------------------
 # Motors that a file names beside its joints: taken where no joint is marked independent and nothing is ambiguous

@@ -20,8 +20,7 @@ from lxml import etree
 from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Outcome, loop_coordinates
 from stewart_pin.model.formats.dialect import Parts
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
-from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES, UrdfElements
-from stewart_pin.model.formats.urdf_shapes import SHAPE_TAGS, read_shapes
+from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES, SHAPE_TAGS, UrdfElements, read_shapes
 from stewart_pin.model.formats.xml import UNLIMITED
 from stewart_pin.model.unfolding import Unfolded, unfold_cylindrical, unfold_planar, unfold_universal
 from stewart_pin.typing import FloatArray

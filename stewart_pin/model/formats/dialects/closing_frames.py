@@ -19,8 +19,7 @@ import pinocchio as pin
 
 from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import JointKind, Loop, Mechanism, Note, Outcome
-from stewart_pin.model.formats.dialect import Dialect, Parts, add_parts
-from stewart_pin.model.formats.frames import carrier
+from stewart_pin.model.formats.dialect import Dialect, Parts, add_parts, carrier
 
 _NAME = re.compile(r"(closing_.+)_([12])(_z)?")
 _TITLE = "frames closing_*_1, closing_*_2"

@@ -18,9 +18,8 @@ from lxml import etree
 
 from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Bounds, JointKind, Loop, Mechanism, Note, Outcome
-from stewart_pin.model.formats.dialect import Dialect, Parts
+from stewart_pin.model.formats.dialect import AT_ZERO, Dialect, Parts, relative_at_zero
 from stewart_pin.model.formats.dialects.mimic import couple, take_mimic_plugins
-from stewart_pin.model.formats.frames import AT_ZERO, relative_at_zero
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.xml import shown_tag
 from stewart_pin.typing import FloatArray

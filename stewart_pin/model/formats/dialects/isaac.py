@@ -22,9 +22,8 @@ from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import AXIS_FREE_LOOPS, JointKind, Loop, Mechanism, Note, Outcome
-from stewart_pin.model.formats.dialect import Dialect, Parts
+from stewart_pin.model.formats.dialect import AT_ZERO, Dialect, Parts, relative_at_zero
 from stewart_pin.model.formats.dialects.mimic import write_mimics
-from stewart_pin.model.formats.frames import AT_ZERO, relative_at_zero
 from stewart_pin.model.formats.urdf_core import read_bounds
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.urdf_writer import pose_attributes, save, tree_element

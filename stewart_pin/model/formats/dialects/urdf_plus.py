@@ -35,8 +35,7 @@ from stewart_pin.model.description import (
     Note,
     loop_coordinates,
 )
-from stewart_pin.model.formats.dialect import Dialect, Parts
-from stewart_pin.model.formats.frames import upward
+from stewart_pin.model.formats.dialect import Dialect, Parts, upward
 from stewart_pin.model.formats.urdf_core import read_bounds
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.urdf_writer import save, tree_element, write_bounds, write_origin

@@ -20,12 +20,11 @@ from lxml import etree
 from stewart_pin.errors import FileFormatError, UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Outcome
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
-from stewart_pin.model.formats.sdf.couplings import is_gearbox, read_gearbox, read_mimics
 from stewart_pin.model.formats.sdf.elements import SdfReader
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope
 from stewart_pin.model.formats.sdf.joints import Axis, SdfJoint, ends, link_pose, read_joint
 from stewart_pin.model.formats.sdf.models import open_document
-from stewart_pin.model.formats.sdf.tree import grow_tree
+from stewart_pin.model.formats.sdf.tree import grow_tree, is_gearbox, read_gearbox, read_mimics
 from stewart_pin.model.formats.xml import shown_tag
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, fault_of_sizes
 from stewart_pin.model.validation import keep_odd_inertias

@@ -15,10 +15,10 @@ import scipy.linalg
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_spread
 from stewart_pin.errors import InputError, SingularityError
+from stewart_pin.mechanics.derivatives import force_derivatives, forward_dynamics_derivatives
+from stewart_pin.mechanics.effort import hangs
 from stewart_pin.mechanics.forward_dynamics import forward_dynamics
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
-from stewart_pin.mechanics.linearisation.derivatives import force_derivatives, forward_dynamics_derivatives
-from stewart_pin.mechanics.resting import hangs
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import NO_INERTIA

@@ -1,1 +1,0 @@
-"""Derivatives of the dynamics, the linear system about an equilibrium, stiffness and natural frequencies."""
