@@ -46,7 +46,6 @@ from .mechanics.articulated_body.loops import articulated_body_acceleration as a
 from .mechanics.capability.hexapod_limits import load_limit as load_limit
 from .mechanics.capability.hexapod_limits import velocity_limits as velocity_limits
 from .mechanics.constraint_matrix.system import constraint_matrix_system as constraint_matrix_system
-from .mechanics.coordinates import operational_dynamics as operational_dynamics
 from .mechanics.equilibrium import linearise as linearise
 from .mechanics.equilibrium import natural_frequencies as natural_frequencies
 from .mechanics.forward_dynamics import forward_dynamics as forward_dynamics
@@ -58,6 +57,7 @@ from .mechanics.kinematics import motor_positions as motor_positions
 from .mechanics.kinematics import platform_motion as platform_motion
 from .mechanics.kinematics import platform_pose as platform_pose
 from .mechanics.mobility import mobility as mobility
+from .mechanics.operational_dynamics import operational_dynamics as operational_dynamics
 from .mechanics.reactions import joint_reactions as joint_reactions
 from .motion.motor_demand import limits_exceeded as limits_exceeded
 from .motion.motor_demand import motor_demand as motor_demand

@@ -9,7 +9,6 @@ from stewart_pin.mechanics.closed_forms import closed_forms as closed_forms
 from stewart_pin.mechanics.constraint_matrix.system import ConstraintMatrixSystem as ConstraintMatrixSystem
 from stewart_pin.mechanics.coordinates import Coordinates as Coordinates
 from stewart_pin.mechanics.coordinates import JointMotorMap as JointMotorMap
-from stewart_pin.mechanics.coordinates import OperationalDynamics as OperationalDynamics
 from stewart_pin.mechanics.coordinates import joint_motor_map as joint_motor_map
 from stewart_pin.mechanics.derivatives import EffortDerivatives as EffortDerivatives
 from stewart_pin.mechanics.derivatives import MotionDerivatives as MotionDerivatives
@@ -24,6 +23,7 @@ from stewart_pin.mechanics.effort import Motion as Motion
 from stewart_pin.mechanics.equilibrium import LinearSystem as LinearSystem
 from stewart_pin.mechanics.equilibrium import Vibration as Vibration
 from stewart_pin.mechanics.equilibrium import platform_stiffness as platform_stiffness
-from stewart_pin.mechanics.motion_map import MotionMap as MotionMap
-from stewart_pin.mechanics.motion_map import motion_map as motion_map
+from stewart_pin.mechanics.operational_dynamics import MotionMap as MotionMap
+from stewart_pin.mechanics.operational_dynamics import OperationalDynamics as OperationalDynamics
+from stewart_pin.mechanics.operational_dynamics import motion_map as motion_map
 from stewart_pin.mechanics.reactions import Reaction as Reaction

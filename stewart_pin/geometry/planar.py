@@ -1,4 +1,12 @@
-"""Newton steps for many small systems at once, from starts that may lie near a singular root."""
+"""Closed forms of the planar 3-RPR platform, for any batch shape.
+
+Leg *i* runs from a fixed anchor to a corner of the platform; its length is driven. A pose is the position of
+the platform frame's origin and the angle of its x axis, both in the base frame.
+
+References
+----------
+.. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, ch. 4 (direct kinematics).
+"""
 
 from __future__ import annotations
 
@@ -12,6 +20,11 @@ from stewart_pin.checks import as_array, as_batch, as_positive
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.typing import ArrayLike, ComplexArray, FloatArray
+
+# ----------------------------------------------------------------------------------------------------
+# Newton steps for many small systems at once, from starts that may lie near a singular root
+# ----------------------------------------------------------------------------------------------------
+
 
 Equations = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """(n, k) unknowns to (n, m) residuals and (n, m, k) Jacobians."""
@@ -102,15 +115,6 @@ def _step(jacobian: FloatArray, residual: FloatArray, *, drop: int = 0) -> Float
     return np.einsum("nji,nj->ni", vt, weight * np.einsum("nij,ni->nj", u, residual))
 
 
-# ----------------------------------------------------------------------------------------------------
-# Closed forms of the planar 3-RPR platform, for any batch shape
-#
-# Leg *i* runs from a fixed anchor to a corner of the platform; its length is driven. A pose is the position of
-# the platform frame's origin and the angle of its x axis, both in the base frame.
-#
-# References
-# ----------
-# .. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, ch. 4 (direct kinematics).
 # ----------------------------------------------------------------------------------------------------
 
 _SIDE_MISMATCH = 1e-9

@@ -1,10 +1,14 @@
-"""Planar 3-RPR platforms whose points coincide: solved by circles instead of the polynomial.
+"""All assembly modes of the planar 3-RPR platform: every pose that fits three given leg lengths.
 
-Only here can the platform move with all three legs locked, because the polynomial's leading coefficient is
-the product of the six sides. The one exception moves without turning: two congruent triangles on equal legs.
+The angles are the roots of a trigonometric polynomial of degree three, found all at once as eigenvalues and
+polished on the leg equations. Ordinary problems run as arrays; those near a merging of poses are done one by
+one in `planar_merging`, those with coinciding points in `planar_special`.
 
-Everything is in the units of `Legs`; w is the vector along leg 1, so corner i stands at w + z d_i - b_i from
-anchor i.
+References
+----------
+.. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, ch. 4 (direct kinematics).
+.. [2] C. Gosselin, J. Sefrioui, M. Richard, "Solutions polynomiales au problème de la cinématique directe des
+   manipulateurs parallèles plans à trois degrés de liberté", Mech. Mach. Theory 27(2), 1992.
 """
 
 from __future__ import annotations
@@ -28,6 +32,17 @@ from stewart_pin.geometry.planar_polynomial import (
     reduced_legs,
 )
 from stewart_pin.typing import ArrayLike, BoolArray, ComplexArray, FloatArray, IntArray
+
+# ----------------------------------------------------------------------------------------------------
+# Planar 3-RPR platforms whose points coincide: solved by circles instead of the polynomial
+#
+# Only here can the platform move with all three legs locked, because the polynomial's leading coefficient is
+# the product of the six sides. The one exception moves without turning: two congruent triangles on equal legs.
+#
+# Everything is in the units of `Legs`; w is the vector along leg 1, so corner i stands at w + z d_i - b_i from
+# anchor i.
+# ----------------------------------------------------------------------------------------------------
+
 
 _PAIRS = ((0, 1, 2), (0, 2, 1), (1, 2, 0))
 
@@ -212,18 +227,6 @@ def _circle_points(c1: complex, r1: float, c2: complex, r2: float) -> list[tuple
     return [(c1 + along * complex(foot, s * height), 1) for s in (-1.0, 1.0)]
 
 
-# ----------------------------------------------------------------------------------------------------
-# All assembly modes of the planar 3-RPR platform: every pose that fits three given leg lengths
-#
-# The angles are the roots of a trigonometric polynomial of degree three, found all at once as eigenvalues and
-# polished on the leg equations. Ordinary problems run as arrays; those near a merging of poses are done one by
-# one in `planar_merging`, those with coinciding points in `planar_special`.
-#
-# References
-# ----------
-# .. [1] J.-P. Merlet, "Parallel Robots", 2nd ed., Springer, 2006, ch. 4 (direct kinematics).
-# .. [2] C. Gosselin, J. Sefrioui, M. Richard, "Solutions polynomiales au problème de la cinématique directe des
-#    manipulateurs parallèles plans à trois degrés de liberté", Mech. Mach. Theory 27(2), 1992.
 # ----------------------------------------------------------------------------------------------------
 
 _FINITE, _POSITIVE = "finite", "positive-dimensional"

@@ -1,8 +1,4 @@
-"""Which motors hold a robot: how many are to spare, which joints they leave free, and which set would do.
-
-A set of motors holds the robot when every motion that is left with the motors locked leaves the platform at rest. All
-matrices see lengths in robot sizes, so that the unit of length decides nothing.
-"""
+"""How many freedoms a mechanism has, which are idle, and whether its motors hold the rest."""
 
 from __future__ import annotations
 
@@ -21,6 +17,14 @@ from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State, as_chain
 from stewart_pin.tolerances import SINGULAR, TAKES_PART
 from stewart_pin.typing import FloatArray
+
+# ----------------------------------------------------------------------------------------------------
+# Which motors hold a robot: how many are to spare, which joints they leave free, and which set would do
+#
+# A set of motors holds the robot when every motion that is left with the motors locked leaves the platform at rest. All
+# matrices see lengths in robot sizes, so that the unit of length decides nothing.
+# ----------------------------------------------------------------------------------------------------
+
 
 _WORTH_IT = 0.1
 """Share of the best joint's part in a motion above which a joint like the given motors is preferred to it."""
@@ -172,8 +176,6 @@ def _left(rows: Mapping[str, FloatArray], locked: Sequence[str], platform: Float
     return vt[np.count_nonzero(s >= SINGULAR) :].T
 
 
-# ----------------------------------------------------------------------------------------------------
-# How many freedoms a mechanism has, which are idle, and whether its motors hold the rest
 # ----------------------------------------------------------------------------------------------------
 
 _REST = 1e-8

@@ -1,4 +1,4 @@
-"""Many motions at once: as few calls of kernels as memory allows, and figures that do not depend on the company."""
+"""What every motion of a family asks of the motors: amplitudes and frequencies, directions, designs of the robot."""
 
 from __future__ import annotations
 
@@ -38,6 +38,11 @@ from stewart_pin.studies.points import (
 )
 from stewart_pin.studies.sweep import sweep_study
 from stewart_pin.typing import ArrayLike, FloatArray
+
+# ----------------------------------------------------------------------------------------------------
+# Many motions at once: as few calls of kernels as memory allows, and figures that do not depend on the company
+# ----------------------------------------------------------------------------------------------------
+
 
 _STATES = 50_000
 """States that are held at a time: 25 MB."""
@@ -278,8 +283,6 @@ def _figures(demands: Sequence[MotorDemand]) -> list[Results]:
     return [{name: values[k] for name, values in figures.items()} for k in range(len(demands))]
 
 
-# ----------------------------------------------------------------------------------------------------
-# What every motion of a family asks of the motors: amplitudes and frequencies, directions, designs of the robot
 # ----------------------------------------------------------------------------------------------------
 
 

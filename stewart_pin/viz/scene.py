@@ -1,4 +1,9 @@
-"""The points at which joints and loops hold the bodies of a chain: what a body looks like when no file says so."""
+"""Surfaces of a robot at a closed configuration: the visuals of its URDF, and simple shapes where there are none.
+
+yourdfpy reads shapes, meshes and colours. It would place the links by its own kinematics, which knows neither loops
+nor
+ball joints; here it gets the links alone, each on the world, and the chain places them.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +24,11 @@ from stewart_pin.model.tree import link_frame
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 from stewart_pin.viz.figures import new_figure
+
+# ----------------------------------------------------------------------------------------------------
+# The points at which joints and loops hold the bodies of a chain: what a body looks like when no file says so
+# ----------------------------------------------------------------------------------------------------
+
 
 _SAME = 1e-6
 """Points nearer than this are one point, in robot sizes."""
@@ -71,12 +81,6 @@ def _distinct(points: list[FloatArray], same: float) -> FloatArray:
     return np.array(kept).reshape(-1, 3)
 
 
-# ----------------------------------------------------------------------------------------------------
-# Surfaces of a robot at a closed configuration: the visuals of its URDF, and simple shapes where there are none
-#
-# yourdfpy reads shapes, meshes and colours. It would place the links by its own kinematics, which knows neither loops
-# nor
-# ball joints; here it gets the links alone, each on the world, and the chain places them.
 # ----------------------------------------------------------------------------------------------------
 
 _WORLD = "scene_world"

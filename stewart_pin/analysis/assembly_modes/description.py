@@ -1,4 +1,9 @@
-"""What the search for all poses answers."""
+"""What each assembly mode is like: side of the singularities, conditioning, legs in each other's way.
+
+References
+----------
+.. [1] C. Ericson, "Real-Time Collision Detection", Morgan Kaufmann, 2005, section 5.1.9 (segments).
+"""
 
 from __future__ import annotations
 
@@ -16,6 +21,11 @@ from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_vectors
 from stewart_pin.geometry.hexapod_pose import robot_size, scaled_jacobian
 from stewart_pin.typing import ArrayLike, FloatArray
+
+# ----------------------------------------------------------------------------------------------------
+# What the search for all poses answers
+# ----------------------------------------------------------------------------------------------------
+
 
 Kind = Literal["finite", "positive-dimensional"]
 
@@ -67,12 +77,6 @@ class AssemblyModes(Brief):
         return len(self.position)
 
 
-# ----------------------------------------------------------------------------------------------------
-# What each assembly mode is like: side of the singularities, conditioning, legs in each other's way
-#
-# References
-# ----------
-# .. [1] C. Ericson, "Real-Time Collision Detection", Morgan Kaufmann, 2005, section 5.1.9 (segments).
 # ----------------------------------------------------------------------------------------------------
 
 _TOUCHING = 1e-12

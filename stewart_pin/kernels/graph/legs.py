@@ -1,4 +1,12 @@
-"""The platform's motion as the input of a graph."""
+"""A leg at a pose: its joints, the Jacobian of its ends, and joint rates from their motion.
+
+The balls at the ends of a leg are released along the axes of the leg's last body, where the Jacobian of the usual leg
+is diagonal. With J the Jacobian of the ends, in those axes,
+
+    J dq/dt = velocity of the ends,    needed = S tau + Jᵀ force,
+
+one elimination of Jᵀ serves both.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +39,10 @@ from stewart_pin.kernels.planning.spatial import (
 )
 from stewart_pin.kernels.planning.tree import Tree
 from stewart_pin.typing import FloatArray
+
+# ----------------------------------------------------------------------------------------------------
+# The platform's motion as the input of a graph
+# ----------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,15 +203,6 @@ def _principal(second: np.ndarray) -> tuple[float, list[tuple[float, np.ndarray]
     return middle, [(value, axis) for value, axis in others if abs(value) > least]
 
 
-# ----------------------------------------------------------------------------------------------------
-# A leg at a pose: its joints, the Jacobian of its ends, and joint rates from their motion
-#
-# The balls at the ends of a leg are released along the axes of the leg's last body, where the Jacobian of the usual leg
-# is diagonal. With J the Jacobian of the ends, in those axes,
-#
-#     J dq/dt = velocity of the ends,    needed = S tau + Jᵀ force,
-#
-# one elimination of Jᵀ serves both.
 # ----------------------------------------------------------------------------------------------------
 
 Samples = tuple[Sequence[ca.SX], Sequence[FloatArray]]

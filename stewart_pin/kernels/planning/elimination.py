@@ -1,9 +1,4 @@
-"""Which entries an elimination divides by, chosen once, on samples, and then kept.
-
-A straight-line program cannot choose pivots by value. Samples of the matrix tell which entries vanish always, which
-entries are safe to divide by, and how far the columns are independent; among safe entries the one that fills in
-least is taken, so that legs are eliminated one by one without being named.
-"""
+"""Elimination of matrices of expressions by planned pivots, and the systems that it solves."""
 
 from __future__ import annotations
 
@@ -16,6 +11,15 @@ import numpy as np
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.typing import FloatArray
+
+# ----------------------------------------------------------------------------------------------------
+# Which entries an elimination divides by, chosen once, on samples, and then kept
+#
+# A straight-line program cannot choose pivots by value. Samples of the matrix tell which entries vanish always, which
+# entries are safe to divide by, and how far the columns are independent; among safe entries the one that fills in
+# least is taken, so that legs are eliminated one by one without being named.
+# ----------------------------------------------------------------------------------------------------
+
 
 ZERO = 1e-11
 """Entries below this, relative to their column before elimination, are round-off at every sample."""
@@ -165,8 +169,6 @@ def _next_pivot(
     return best, quality
 
 
-# ----------------------------------------------------------------------------------------------------
-# Elimination of matrices of expressions by planned pivots, and the systems that it solves
 # ----------------------------------------------------------------------------------------------------
 
 Rows = list[dict[int, ca.SX]]

@@ -1,6 +1,12 @@
-"""Columns of couplings: a gear between two joints, which may hang on four bodies.
+r"""The block system of the maximal coordinates.
 
-With q1 = p(q2), the gear gives joint 1 an effort η and joint 2 the effort -p' η, and demands a1 - p' a2 = p'' v2².
+    -I a + C η = f_p,    Cᵀ a = c_a,    f_p = -f_e - I g + v ×* I v per body.
+
+A rotor of inertia r on the freedom of a joint resists its own acceleration ẍ = wᵀ a - b alone, with w the pair of
+wrenches that a motor there would put on the two bodies: it adds w r wᵀ to I and -w r b to f_p.
+
+a are the spatial accelerations of the bodies, η the amplitudes of the joint wrenches; the last entries of η are the
+motor efforts.
 """
 
 from __future__ import annotations
@@ -33,6 +39,12 @@ from stewart_pin.model.description import Coupling
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State, as_state
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
+
+# ----------------------------------------------------------------------------------------------------
+# Columns of couplings: a gear between two joints, which may hang on four bodies
+#
+# With q1 = p(q2), the gear gives joint 1 an effort η and joint 2 the effort -p' η, and demands a1 - p' a2 = p'' v2².
+# ----------------------------------------------------------------------------------------------------
 
 
 def coupling_parts(
@@ -123,16 +135,6 @@ def _coordinate(chain: ClosedChain, name: str, q: Configuration, v: Tangent) -> 
     return float(q[joint.idx_q]), float(v[joint.idx_v])
 
 
-# ----------------------------------------------------------------------------------------------------
-# The block system of the maximal coordinates
-#
-#     -I a + C η = f_p,    Cᵀ a = c_a,    f_p = -f_e - I g + v ×* I v per body.
-#
-# A rotor of inertia r on the freedom of a joint resists its own acceleration ẍ = wᵀ a - b alone, with w the pair of
-# wrenches that a motor there would put on the two bodies: it adds w r wᵀ to I and -w r b to f_p.
-#
-# a are the spatial accelerations of the bodies, η the amplitudes of the joint wrenches; the last entries of η are the
-# motor efforts.
 # ----------------------------------------------------------------------------------------------------
 
 

@@ -1,4 +1,4 @@
-"""Displacements of a step on the manifold: how their rates depend on the velocity of the chain."""
+"""One step of the classical Runge-Kutta method on the manifold of closed loops."""
 
 from __future__ import annotations
 
@@ -15,6 +15,10 @@ from stewart_pin.motion.simulation.plant import Plant
 from stewart_pin.state.state import State
 from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import Configuration, FloatArray, Tangent
+
+# ----------------------------------------------------------------------------------------------------
+# Displacements of a step on the manifold: how their rates depend on the velocity of the chain
+# ----------------------------------------------------------------------------------------------------
 
 
 class Displacements:
@@ -86,8 +90,6 @@ def displacement_jacobian(model: pin.Model, q: FloatArray, q_moved: FloatArray) 
     return pin.dDifference(model, q, q_moved, pin.ArgumentPosition.ARG1)
 
 
-# ----------------------------------------------------------------------------------------------------
-# One step of the classical Runge-Kutta method on the manifold of closed loops
 # ----------------------------------------------------------------------------------------------------
 
 

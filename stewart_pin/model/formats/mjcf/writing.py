@@ -1,4 +1,21 @@
-"""Loops and couplings as equality constraints of MJCF, where those hold exactly the same motions."""
+"""MJCF, the native format of MuJoCo, written with the loops as equality constraints.
+
+MuJoCo closes loops softly: its equality constraints act like very stiff springs and dampers, of which ``solimp``
+sets the impedance. With MuJoCo's default (0.9) the accelerations of a Stewart platform are off by about their own
+size; the file asks for the stiffest that MuJoCo allows (0.9999), which leaves a few thousandths, and a gap of the
+loops near a micrometre instead of half a millimetre. No setting makes the loops rigid. Mass matrix and bias are those
+of the rigid mechanism. ``mj_inverse`` answers with one effort per coordinate of the tree, not with motor efforts:
+switch constraints off (``mjDSBL_CONSTRAINT``) and project its answer on the motions that keep the loops closed
+(the null space of ``efc_J``); that is exact.
+
+Limits of joint speed and the name of the platform, for which MuJoCo has no word, stand in ``<custom>``, where `load`
+finds them. What has no counterpart is left out, and noted, but for limits of acceleration and jerk, of the swing of
+balls and of joints that close loops. What MuJoCo cannot express is an `UnsupportedError`.
+
+References
+----------
+.. [1] MuJoCo documentation, "XML reference" and "Computation: constraint model".
+"""
 
 from __future__ import annotations
 
@@ -18,6 +35,11 @@ from stewart_pin.model.formats.mjcf.tree import MUJOCO_FAR
 from stewart_pin.model.formats.xml import UNLIMITED, number_text
 from stewart_pin.model.validation import broken_triangle, is_massless
 from stewart_pin.typing import ArrayLike, FloatArray
+
+# ----------------------------------------------------------------------------------------------------
+# Loops and couplings as equality constraints of MJCF, where those hold exactly the same motions
+# ----------------------------------------------------------------------------------------------------
+
 
 _COEFFICIENTS = 5
 """MuJoCo's polynomials between two joints are of degree four."""
@@ -158,24 +180,6 @@ def _or_zero(shift: FloatArray | None) -> FloatArray:
     return np.zeros(3) if shift is None else shift
 
 
-# ----------------------------------------------------------------------------------------------------
-# MJCF, the native format of MuJoCo, written with the loops as equality constraints
-#
-# MuJoCo closes loops softly: its equality constraints act like very stiff springs and dampers, of which ``solimp``
-# sets the impedance. With MuJoCo's default (0.9) the accelerations of a Stewart platform are off by about their own
-# size; the file asks for the stiffest that MuJoCo allows (0.9999), which leaves a few thousandths, and a gap of the
-# loops near a micrometre instead of half a millimetre. No setting makes the loops rigid. Mass matrix and bias are those
-# of the rigid mechanism. ``mj_inverse`` answers with one effort per coordinate of the tree, not with motor efforts:
-# switch constraints off (``mjDSBL_CONSTRAINT``) and project its answer on the motions that keep the loops closed
-# (the null space of ``efc_J``); that is exact.
-#
-# Limits of joint speed and the name of the platform, for which MuJoCo has no word, stand in ``<custom>``, where `load`
-# finds them. What has no counterpart is left out, and noted, but for limits of acceleration and jerk, of the swing of
-# balls and of joints that close loops. What MuJoCo cannot express is an `UnsupportedError`.
-#
-# References
-# ----------
-# .. [1] MuJoCo documentation, "XML reference" and "Computation: constraint model".
 # ----------------------------------------------------------------------------------------------------
 
 _WORLD = "world"
