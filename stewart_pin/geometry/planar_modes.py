@@ -1,8 +1,8 @@
 """All assembly modes of the planar 3-RPR platform: every pose that fits three given leg lengths.
 
 The angles are the roots of a trigonometric polynomial of degree three, found all at once as eigenvalues and
-polished on the leg equations. Ordinary problems run as arrays; those near a merging of poses are done one by
-one in `planar_merging`, those with coinciding points in `planar_special`.
+polished on the leg equations. Ordinary problems run as arrays; those near a merging of poses are done one
+by `planar_polynomial`, those with coinciding points by circles.
 
 References
 ----------

@@ -260,7 +260,7 @@ def _by_geometry(sums: _Sums) -> ca.SX:
 # ----------------------------------------------------------------------------------------------------
 # Derivatives of the dynamics with respect to the ends of the legs, in closed form
 #
-# They are those of `geometry_by_tree` for some displacements, at a third of its cost: shifts of the points where legs
+# They are those of the whole tree for some displacements, at a third of its cost: shifts of the points where legs
 # stand on the ground, and of the points where they carry the platform.
 # ----------------------------------------------------------------------------------------------------
 
