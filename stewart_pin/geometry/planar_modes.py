@@ -2,7 +2,7 @@
 
 The angles are the roots of a trigonometric polynomial of degree three, found all at once as eigenvalues and
 polished on the leg equations. Ordinary problems run as arrays; those near a merging of poses are done one
-by `planar_polynomial`, those with coinciding points by circles.
+by one in `planar_polynomial`, those with coinciding points by circles.
 
 References
 ----------

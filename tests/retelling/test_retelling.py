@@ -103,13 +103,20 @@ def disagreements(told: Telling, questions: list[str]) -> dict[str, str]:
     return found
 
 
+FEW_DIGITS = ("nine digits", "all at once with six digits")
+"""Tellings that ask each question four times: some robots are told so, all of them with six digits, and all at once
+with nine."""
+TOLD_FOUR_WAYS = ("four_bar", "stewart", "delta", "rpr_planar")
+
+
 def told_robots() -> list[object]:
     """All robots and tellings; other hexapods of the same build as `stewart` in those that hold all the others."""
     return [
         (robot, telling)
         for robot in stp.robots()
         for telling in TELLINGS
-        if robot not in ALIKE or telling.startswith(("all at once", "base", "cut"))
+        if (robot not in ALIKE or telling.startswith(("all at once", "base", "cut")))
+        and (robot in TOLD_FOUR_WAYS or telling not in FEW_DIGITS)
     ]
 
 
