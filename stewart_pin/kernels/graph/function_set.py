@@ -8,7 +8,8 @@ configuration, which Newton steps find first.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal
+from functools import partial
+from typing import Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -20,22 +21,21 @@ from stewart_pin.kernels.graph import (
     driven_platform,
     driven_tree,
     platform_dynamics,
-    platform_frame,
     platform_kinematics,
-    state_functions,
-    whole_tree,
 )
-from stewart_pin.kernels.graph.derivatives import dynamics_derivatives
+from stewart_pin.kernels.graph.derivatives import dynamics_derivatives, platform_derivatives
 from stewart_pin.kernels.graph.driven_platform import DrivenPlatform
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
-from stewart_pin.kernels.graph.geometry_derivatives import leg_displacements, tree_geometry_derivatives
+from stewart_pin.kernels.graph.geometry_derivatives import (
+    leg_displacements,
+    leg_geometry_derivatives,
+    tree_geometry_derivatives,
+)
 from stewart_pin.kernels.graph.held_motion import HeldMotion, MobileDisplacements, hold, mobile_displacements
-from stewart_pin.kernels.graph.leg_functions import BY_LEGS, DERIVATIVES, LEG_FUNCTIONS, leg_function
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step, stretch_step
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
-from stewart_pin.kernels.graph.regressor import driven_regressor, tree_regressor
-from stewart_pin.kernels.graph.state_functions import projection_function
-from stewart_pin.kernels.graph.whole_tree import ClosedTree
+from stewart_pin.kernels.graph.verbs import ANY_STATE, DIFFERENTIABLE, VERBS, Solved, Verb
+from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.planning.samples import closed_samples, require_idle_without_effect
 from stewart_pin.kernels.planning.tree import tree_of
@@ -47,36 +47,19 @@ from stewart_pin.typing import BoolArray, Configuration, FloatArray
 
 Coordinates = Literal["platform", "motor", "tree"]
 
-_DRIVEN: dict[str, Callable[[DrivenTree], ca.Function]] = {
-    "inverse_dynamics": driven_tree.driven_inverse_dynamics,
-    "forward_dynamics": driven_tree.driven_forward_dynamics,
-    "reactions": driven_tree.driven_reactions,
-    "regressor": driven_regressor,
-    "motor_jacobian": driven_tree.driven_motor_jacobian,
-    "conditioning": lambda driven: conditioning.tree_conditioning(driven.closed, driven),
-}
-_TREE: dict[str, Callable[[ClosedTree], ca.Function]] = {
-    "tree_inverse_dynamics": state_functions.inverse_dynamics_function,
-    "tree_forward_dynamics": state_functions.forward_dynamics_function,
-    "tree_projection": projection_function,
-    "platform_pose": platform_frame.platform_pose_function,
-}
-_STATE: dict[str, Callable[[ClosedTree], ca.Function]] = {
-    "inverse_dynamics": state_functions.judged_inverse_dynamics,
-    "forward_dynamics": state_functions.judged_forward_dynamics,
-    "reactions": state_functions.judged_reactions,
-    "regressor": tree_regressor,
-    "conditioning": conditioning.tree_conditioning,
-}
 _STEPS: dict[str, Callable[[str, NewtonEquations], ca.Function]] = {
     "_double_step": double_step,
     "_stretch_step": stretch_step,
     "_step": damped_step,
 }
-_HELD = ("inverse_dynamics", "reactions", "regressor")
-"""What the motors hold: their share of the forces is solved for."""
-_FOLLOWING = ("forward_dynamics", "motor_jacobian")
-_BY_TREE = ("inverse_dynamics_by_tree", "forward_dynamics_by_tree")
+
+
+class _Row(NamedTuple):
+    """How a set writes a function, what that solves for, and whether it is of what is held as the geometry changes."""
+
+    write: Callable[[FunctionSet], ca.Function]
+    solves: Solved = "nothing"
+    held: bool = False
 
 
 class FunctionSet:
@@ -145,12 +128,12 @@ class FunctionSet:
     @written_once
     def closed(self) -> ClosedTree:
         """The whole tree with its loop rows eliminated."""
-        return whole_tree.close_tree(self.chain, self._around, closed=self.coordinates != "tree")
+        return close_tree(self.chain, self._around, closed=self.coordinates != "tree")
 
     @written_once
     def any_state(self) -> ClosedTree:
         """The same for states that may be a little off closed loops."""
-        return self.closed if self.coordinates == "tree" else whole_tree.close_tree(self.chain)
+        return self.closed if self.coordinates == "tree" else close_tree(self.chain)
 
     @property
     def replanned(self) -> bool:
@@ -227,19 +210,91 @@ class FunctionSet:
         """The whole tree, driven by its motors."""
         return self.driven if self.coordinates == "motor" else driven_tree.drive_tree(self.closed, "motor")
 
-    @written_once
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the functions."""
+        return tuple(self._rows)
+
+    @written_once
+    def _rows(self) -> dict[str, _Row]:
+        """Every function by its name: verbs, Newton steps, derivatives, and what takes any state."""
+        cls = FunctionSet  # rows that held this set would keep it, and its expressions, alive
+        rows = {
+            name: _Row(partial(cls._verb, verb=verb), verb.solves)
+            for name, verb in VERBS.items()
+            if self._knows(verb)
+        }
+        if self.coordinates != "tree":
+            for equations in self._equations:
+                for kind in _STEPS:
+                    rows[equations + kind] = _Row(partial(cls._step, equations=equations, kind=kind))
+        for name in DIFFERENTIABLE:
+            solves = VERBS[name].solves
+            if self.coordinates != "tree":
+                rows[f"{name}_derivatives"] = _Row(partial(cls._derivatives, name=name), solves)
+            if self.leg_displacements:
+                rows[f"{name}_by_legs"] = _Row(partial(cls._by_legs, name=name), solves)
+            rows[f"{name}_by_tree"] = _Row(partial(cls._by_tree, name=name), solves, held=True)
+        for name in ANY_STATE:
+            rows[name] = _Row(partial(cls._any_state, name=name))
+        return rows
+
+    def _knows(self, verb: Verb) -> bool:
         if self.coordinates == "tree":
-            return (*_STATE, *_BY_TREE, *_TREE)
+            return verb.state is not None
         if self.coordinates == "motor":
-            own = [name for name in _DRIVEN if name != "motor_jacobian"]
-        elif self.placed is None:
-            own = [*_DRIVEN]
+            return verb.driven is not None and not verb.of_poses
+        return (verb.driven if self.placed is None else verb.legs) is not None
+
+    def _verb(self, verb: Verb) -> ca.Function:
+        if self.coordinates == "tree":
+            assert verb.state is not None
+            return verb.state(self.closed)
+        if self.placed is not None:
+            try:
+                return self._by_closed_forms(verb)
+            except UnsupportedError:
+                if (
+                    verb.solves != "reactions"
+                ):  # whose rows may need the whole configuration, or the norm over it
+                    raise
+        assert verb.driven is not None
+        return verb.driven(self.driven)
+
+    def _by_closed_forms(self, verb: Verb) -> ca.Function:
+        placed, driven = self.placed, self.driven_platform
+        assert placed is not None and verb.legs is not None
+        if driven is None:
+            return verb.legs(placed)
+        if verb.legs is conditioning.platform_conditioning:
+            return conditioning.platform_conditioning(placed, driving=driven.reduced)
+        return driven_platform.by_motors(driven, verb.legs(placed))
+
+    def _derivatives(self, name: str) -> ca.Function:
+        placed, driven, verb = self.placed, self.driven_platform, VERBS[name]
+        if placed is None:
+            return dynamics_derivatives(self._verb(verb), self.driven)
+        assert verb.legs is not None
+        function, plan = verb.legs(placed), placed.plan
+        if plan.twists.shape[1] == len(plan.tree.motors):
+            derivatives = platform_derivatives(placed, name)
         else:
-            own = [*LEG_FUNCTIONS, *(BY_LEGS if self.leg_displacements else ())]
-        steps = (equations + kind for equations in self._equations for kind in _STEPS)
-        return (*own, *steps, *DERIVATIVES, *_BY_TREE, *_TREE)
+            derivatives = dynamics_derivatives(function, None)
+        if driven is None:
+            return derivatives
+        return driven_platform.derivatives_by_motors(driven, function, derivatives)
+
+    def _by_legs(self, name: str) -> ca.Function:
+        assert self.placed is not None
+        return leg_geometry_derivatives(self.placed, name)
+
+    def _any_state(self, name: str) -> ca.Function:
+        if name == "platform_pose":
+            self.chain.platform_link  # noqa: B018 - raises
+        return ANY_STATE[name](self.any_state)
+
+    def _step(self, equations: str, kind: str) -> ca.Function:
+        return _STEPS[kind](equations + kind, self._equations[equations]())
 
     @written_once
     def _equations(self) -> dict[str, Callable[[], NewtonEquations]]:
@@ -264,7 +319,7 @@ class FunctionSet:
     @written_once
     def displacements(self) -> MobileDisplacements:
         """Displacements of the geometry along which there is a derivative."""
-        return mobile_displacements(self.closed, self._drive, lambda: self._by_tree(_BY_TREE[0]))
+        return mobile_displacements(self.closed, self._drive, lambda: self._by_tree(DIFFERENTIABLE[0]))
 
     @written_once
     def held(self) -> HeldMotion:
@@ -277,8 +332,7 @@ class FunctionSet:
 
     def _by_tree(self, name: str) -> ca.Function:
         if name not in self._written:
-            verb = name.removesuffix("_by_tree")
-            self._written[name] = tree_geometry_derivatives(self.held, self._drive, verb)
+            self._written[name] = tree_geometry_derivatives(self.held, self._drive, name)
         return self._written[name]
 
     @property
@@ -311,31 +365,9 @@ class FunctionSet:
             If there is no such function.
         """
         with writing():
-            return self._function(name)
-
-    def _function(self, name: str) -> ca.Function:
-        if name not in self.names:
-            raise InputError(f"name must be one of {', '.join(self.names)}, got {name!r}")
-        if name == "platform_pose":
-            self.chain.platform_link  # noqa: B018 - raises
-        if name in _TREE:
-            return _TREE[name](self.any_state)
-        if name in _BY_TREE:
-            return self._by_tree(name)
-        if self.coordinates == "tree":
-            return _STATE[name](self.closed)
-        for kind, write in _STEPS.items():
-            if name.removesuffix(kind) in self._equations:
-                return write(name, self._equations[name.removesuffix(kind)]())
-        if self.placed is not None:
-            try:
-                return leg_function(name, self.placed, self.driven_platform)
-            except UnsupportedError:
-                if name != "reactions":  # whose rows may need the whole configuration, or the norm over it
-                    raise
-        if name in DERIVATIVES:
-            return dynamics_derivatives(self._function(name.removesuffix("_derivatives")), self.driven)
-        return _DRIVEN[name](self.driven)
+            if name not in self._rows:
+                raise InputError(f"name must be one of {', '.join(self.names)}, got {name!r}")
+            return self._rows[name].write(self)
 
     def conditioning_of(self, name: str, function: ca.Function) -> ca.Function | None:
         """Write the conditioning of the states of a function.
@@ -352,18 +384,15 @@ class FunctionSet:
         casadi.Function or None
             Of the function's first input; None where nothing is divided by, or where only steps are taken.
         """
-        with writing():
-            return self._conditioning_of(name, function)
-
-    def _conditioning_of(self, name: str, function: ca.Function) -> ca.Function | None:
-        kind = name.removesuffix("_derivatives").removesuffix("_by_tree").removesuffix("_by_legs")
-        if kind not in _HELD and kind not in _FOLLOWING:
+        row = self._rows[name]
+        if row.solves == "nothing":
             return None
-        motors = kind in _HELD
-        if self.placed is not None and function.name_in(0) == "pose":
-            driving = None if self.driven_platform is None else self.driven_platform.reduced
-            return conditioning.platform_conditioning(
-                self.placed, motors=motors, reactions=kind == "reactions", driving=driving
-            )
-        held = self.held if name in _BY_TREE else None
-        return conditioning.tree_conditioning(self.closed, self._drive, motors=motors, held=held)
+        motors = row.solves in ("motors", "reactions")
+        with writing():
+            if self.placed is not None and function.name_in(0) == "pose":
+                driving = None if self.driven_platform is None else self.driven_platform.reduced
+                return conditioning.platform_conditioning(
+                    self.placed, motors=motors, reactions=row.solves == "reactions", driving=driving
+                )
+            held = self.held if row.held else None
+            return conditioning.tree_conditioning(self.closed, self._drive, motors=motors, held=held)
