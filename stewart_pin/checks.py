@@ -84,6 +84,36 @@ def as_batch(name: str, value: ArrayLike, trailing: tuple[int, ...]) -> FloatArr
     return _require_finite(name, array)
 
 
+def as_number(name: str, value: float) -> float:
+    """Return a finite number; text and truth values are none.
+
+    Parameters
+    ----------
+    name
+        Name of the argument, for the message.
+    value
+        What the caller passed.
+
+    Returns
+    -------
+    float
+        The value.
+
+    Raises
+    ------
+    InputError
+        If it is not a finite number.
+    """
+    wrong = isinstance(value, (str, bytes, bool, np.bool_)) or np.ndim(value) or np.iscomplexobj(value)
+    try:
+        number = math.nan if wrong else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(f"{name} must be a finite number, got {value!r}")
+    return number
+
+
 def as_positive(name: str, value: float) -> float:
     """Return a finite number above zero.
 

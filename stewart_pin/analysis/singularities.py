@@ -1,6 +1,6 @@
 """Where a path meets its first singularity, found as the root of a signed measure.
 
-The measures of `stewart_pin.mechanics.singularity.split` are singular values. Along a path each is the absolute value
+The measures of `stewart_pin.mechanics.singularity` are singular values. Along a path each is the absolute value
 of a smooth function, which changes sign where it crosses zero: the singular vectors on both sides then fit with one
 of the pair turned round. Intervals are halved until the singular values at both ends and in the middle are larger than
 the change of the matrix in between (no singular value changes by more, Weyl's inequality), or the sign at both ends is
@@ -21,8 +21,15 @@ from stewart_pin.analysis.chain_legs import Path, closed_path
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_count, as_positive
 from stewart_pin.errors import InputError
-from stewart_pin.mechanics.singularity import Singularity, SingularityKind, classify_singularity
-from stewart_pin.mechanics.singularity.split import ALIGNED, Measure, signed_measure, split_jacobians
+from stewart_pin.mechanics.singularity import (
+    ALIGNED,
+    Measure,
+    Singularity,
+    SingularityKind,
+    classify_singularity,
+    signed_measure,
+    split_jacobians,
+)
 from stewart_pin.state.chain import ClosedChain, as_configuration
 from stewart_pin.state.freedom import TWIST_AXES, TwistAxis
 from stewart_pin.state.generic import generic_freedom

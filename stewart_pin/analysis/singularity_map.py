@@ -13,8 +13,13 @@ from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.kinematics import platform_pose
-from stewart_pin.mechanics.singularity import SingularityKind
-from stewart_pin.mechanics.singularity.split import ALIGNED, Measure, signed_measure, split_jacobians
+from stewart_pin.mechanics.singularity import (
+    ALIGNED,
+    Measure,
+    SingularityKind,
+    signed_measure,
+    split_jacobians,
+)
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import TWIST_AXES, TwistAxis

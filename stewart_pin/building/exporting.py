@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.building.rotors import require_no_rotors, with_rotors_of
+from stewart_pin.building.joints import require_no_rotors, with_rotors_of
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import Mechanism, Note, Report
 from stewart_pin.model.formats.dialect import dialects

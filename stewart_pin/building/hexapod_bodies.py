@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from stewart_pin.building.body_graph import BodyGraph, Edge
 from stewart_pin.building.from_hexapod import OVERLAP, default_home, read_stroke
-from stewart_pin.building.rotors import require_no_rotors
+from stewart_pin.building.joints import require_no_rotors
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.building.joints import with_rotors_of
 from stewart_pin.building.printed_digits import settle_printed
-from stewart_pin.building.rotors import with_rotors_of
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import FileMissingError, InputError, MechanismError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.building.joints import with_rotors_of
 from stewart_pin.building.loading import build_chain, require_link, with_fixed_link
-from stewart_pin.building.rotors import with_rotors_of
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link
 from stewart_pin.model.tree import build_tree, link_frame

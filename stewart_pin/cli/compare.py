@@ -14,8 +14,7 @@ from stewart_pin.cli.output import console, parse_numbers, progress_bar, write_j
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.motion.trajectories import sample_times, sinusoidal_motion
 from stewart_pin.studies.comparison import Comparison, compare_methods
-from stewart_pin.viz.comparison_pictures import plot_comparison
-from stewart_pin.viz.figures import check_picture_path, save_figure
+from stewart_pin.viz.figures import check_picture_path, plot_comparison, save_figure
 
 
 def compare(

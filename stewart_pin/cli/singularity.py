@@ -13,8 +13,7 @@ from rich.table import Table
 from stewart_pin.building.loading import load
 from stewart_pin.cli.output import configuration_of, console, describe_pose, write_json
 from stewart_pin.mechanics.kinematics import platform_pose
-from stewart_pin.mechanics.singularity import Screw, Singularity, classify_singularity
-from stewart_pin.mechanics.singularity.split import MEANING
+from stewart_pin.mechanics.singularity import MEANING, Screw, Singularity, classify_singularity
 from stewart_pin.state.freedom import TWIST_AXES, TwistAxis
 
 

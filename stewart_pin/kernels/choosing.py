@@ -18,10 +18,10 @@ from stewart_pin.errors import (
 )
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.kernels.kernels import Kernels, compile_kernels
+from stewart_pin.programs.arrays import SingleState
 from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.passes import prepare
 from stewart_pin.programs.program import Program
-from stewart_pin.programs.single_state import SingleState
 from stewart_pin.programs.status import StateBound
 from stewart_pin.programs.symbolic import writing
 from stewart_pin.state.chain import ClosedChain

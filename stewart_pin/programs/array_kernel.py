@@ -16,14 +16,13 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError
-from stewart_pin.programs.arrays import as_states, n_states, require_apart, require_out
+from stewart_pin.programs.arrays import SingleState, as_states, n_states, require_apart, require_out
 from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.llvm.machine_code import Target, compile_for_ranges, host_target
 from stewart_pin.programs.llvm.module import module_for_ranges
 from stewart_pin.programs.passes import prepare
 from stewart_pin.programs.program import Program
 from stewart_pin.programs.repeating import Repeat, interpreted, require_repeat
-from stewart_pin.programs.single_state import SingleState
 from stewart_pin.programs.status import StateBound, judge, require_bounds, written_outputs
 from stewart_pin.typing import ArrayLike, FloatArray
 

@@ -8,7 +8,7 @@ import sys
 from contextlib import redirect_stderr, redirect_stdout
 from unittest.mock import patch
 
-from stewart_pin.cli.entry import main
+from stewart_pin.cli import main
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -17,7 +17,6 @@ import pinocchio as pin
 
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.graph import (
-    conditioning,
     driven_platform,
     driven_tree,
     platform_dynamics,
@@ -34,7 +33,15 @@ from stewart_pin.kernels.graph.geometry_derivatives import (
 from stewart_pin.kernels.graph.held_motion import HeldMotion, MobileDisplacements, hold, mobile_displacements
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step, stretch_step
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
-from stewart_pin.kernels.graph.verbs import ANY_STATE, DIFFERENTIABLE, VERBS, Solved, Verb
+from stewart_pin.kernels.graph.verbs import (
+    ANY_STATE,
+    DIFFERENTIABLE,
+    VERBS,
+    Solved,
+    Verb,
+    platform_conditioning,
+    tree_conditioning,
+)
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.planning.samples import closed_samples, require_idle_without_effect
@@ -266,8 +273,8 @@ class FunctionSet:
         assert placed is not None and verb.legs is not None
         if driven is None:
             return verb.legs(placed)
-        if verb.legs is conditioning.platform_conditioning:
-            return conditioning.platform_conditioning(placed, driving=driven.reduced)
+        if verb.legs is platform_conditioning:
+            return platform_conditioning(placed, driving=driven.reduced)
         return driven_platform.by_motors(driven, verb.legs(placed))
 
     def _derivatives(self, name: str) -> ca.Function:
@@ -391,8 +398,8 @@ class FunctionSet:
         with writing():
             if self.placed is not None and function.name_in(0) == "pose":
                 driving = None if self.driven_platform is None else self.driven_platform.reduced
-                return conditioning.platform_conditioning(
+                return platform_conditioning(
                     self.placed, motors=motors, reactions=row.solves == "reactions", driving=driving
                 )
             held = self.held if row.held else None
-            return conditioning.tree_conditioning(self.closed, self._drive, motors=motors, held=held)
+            return tree_conditioning(self.closed, self._drive, motors=motors, held=held)

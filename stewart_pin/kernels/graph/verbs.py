@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import casadi as ca
+import numpy as np
 
 from stewart_pin.kernels.graph import (
     driven_tree,
@@ -15,12 +17,132 @@ from stewart_pin.kernels.graph import (
     platform_kinematics,
     state_functions,
 )
-from stewart_pin.kernels.graph.conditioning import platform_conditioning, tree_conditioning
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
-from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
+from stewart_pin.kernels.graph.held_motion import HeldMotion
+from stewart_pin.kernels.graph.leg_reactions import holding_share
+from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
 from stewart_pin.kernels.graph.platform_frame import platform_pose_function
 from stewart_pin.kernels.graph.regressor import driven_regressor, platform_regressor, tree_regressor
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
+from stewart_pin.kernels.graph.whole_tree import motor_columns as tree_motor_columns
+from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots
+from stewart_pin.kernels.planning.spatial import shared
+from stewart_pin.typing import FloatArray
+
+_NOTHING = 1e-6
+"""Size, in robot sizes and radians, of what printed digits may leave of entries that vanish; a thousand times that is
+no state at which they do."""
+_SMALL = 1e-3
+"""Pivots of ordinary robots are larger, relative to the largest entry of their matrix."""
+
+
+# ----------------------------------------------------------------------------------------------------
+# How near a state is to a singularity, by the pivots that the kernels divide by
+# ----------------------------------------------------------------------------------------------------
+
+
+def platform_conditioning(
+    placed: PlacedPlatform,
+    *,
+    motors: bool = True,
+    reactions: bool = False,
+    driving: Elimination | None = None,
+) -> ca.Function:
+    """Write the conditioning of a pose.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+    motors
+        Whether the motors must hold the platform, or the legs only follow it.
+    reactions
+        Whether what holds it where it has no freedom must be determined too.
+    driving
+        By what the motors' motion is turned into that of the platform, if it is.
+
+    Returns
+    -------
+    casadi.Function
+        ``pose -> conditioning``, (7, 1) to (1, 1): the smallest pivot, each relative to its median over samples, or to
+        a thousandth of the largest entry of its matrix if that is more. Near one where the robot is as regular as
+        around home, near zero at a singularity of a leg or of the platform.
+    """
+    reduced = [leg.reduced for leg in placed.legs]
+    if driving is not None:
+        reduced.append(driving)
+    if motors:
+        share = placed.project(motor_columns(placed))
+        reduced.append(_share_reduced(share, placed.values, placed.twist_scale))
+    if reactions:
+        share, before = holding_share(placed)
+        reduced += [before, _share_reduced(share, placed.values, np.ones(share.shape[0]))]
+    return shared("conditioning", {"pose": placed.pose}, {"conditioning": _smallest(reduced, placed.usual)})
+
+
+def tree_conditioning(
+    closed: ClosedTree,
+    driven: DrivenTree | None = None,
+    *,
+    motors: bool = True,
+    held: HeldMotion | None = None,
+) -> ca.Function:
+    """Write the conditioning of a configuration.
+
+    Parameters
+    ----------
+    closed
+        The chain.
+    driven
+        The same, driven, if its motion is to follow from that of its drive.
+    motors
+        Whether the motors must hold it.
+    held
+        What is held of its motion while the geometry changes, if that is the question.
+
+    Returns
+    -------
+    casadi.Function
+        ``q -> conditioning``, (nq, 1) to (1, 1), as `platform_conditioning`.
+    """
+    reduced = [closed.reduced] if driven is None else [closed.reduced, driven.reduced]
+    if held is not None:
+        reduced.append(held.reduced)
+    if motors:
+        share = closed.motions.T @ tree_motor_columns(closed.tree)
+        reduced.append(_share_reduced(share, closed.values, closed.motion_scale))
+    return shared("conditioning", {"q": closed.q}, {"conditioning": _smallest(reduced, closed.usual)})
+
+
+def _share_reduced(share: ca.SX, values: Callable[[ca.SX], FloatArray], scale: FloatArray) -> Elimination:
+    """Eliminate the motors' share, or its square where motors are redundant."""
+    if share.shape[0] < share.shape[1]:
+        share = share @ share.T
+        sampled = values(share) * scale[:, None] * scale
+    else:
+        sampled = values(share) * scale[:, None]
+    return Elimination(share, plan_pivots(sampled, list(range(share.shape[1])), nothing=0.0))
+
+
+def _smallest(reduced: Sequence[Elimination], usually: Callable[[ca.SX], FloatArray]) -> ca.SX:
+    pivots = [pivot for one in reduced for pivot in one.pivot_expressions()]
+    sizes = [size for one in reduced for size in one.pivots.sizes]
+    usual = usually(ca.vertcat(*pivots))
+    # A pivot that is small around home already has lost digits there.
+    usual = usual / np.minimum(1.0, np.array(sizes) / _SMALL)
+    ratios = [
+        ca.fabs(pivot) / float(size)
+        for pivot, size in zip(pivots, usual, strict=True)
+        if not pivot.is_constant()
+    ]
+    entries = [entry for one in reduced for entry in one.nothing if not entry.is_constant()]
+    if entries:
+        # Where loops have come together in another way than around home, what is nothing there is something.
+        ratios.append(_NOTHING**2 / ca.fmax(ca.sumsqr(ca.vertcat(*entries)), _NOTHING**2))
+    return functools.reduce(ca.fmin, ratios) if ratios else ca.SX(1)
+
+
+# ----------------------------------------------------------------------------------------------------
 
 Solved = Literal["nothing", "motions", "motors", "reactions"]
 """What is solved for besides the motion of the joints, and divided by: see `FunctionSet.conditioning_of`."""

@@ -25,8 +25,7 @@ from stewart_pin.kernels.verbs.configurations import (
 from stewart_pin.kernels.verbs.newton import NewtonSteps, OneSearch, Plans, Solved, straight
 from stewart_pin.kernels.verbs.searching import OtherPivots, SearchingState
 from stewart_pin.programs.array_kernel import ArrayKernel, Engine, compile_function
-from stewart_pin.programs.arrays import require_apart, require_out
-from stewart_pin.programs.single_state import SingleState
+from stewart_pin.programs.arrays import SingleState, require_apart, require_out
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.programs.symbolic import drop, writing
 from stewart_pin.typing import ArrayLike, FloatArray

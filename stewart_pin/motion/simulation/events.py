@@ -9,7 +9,7 @@ from typing import Literal, get_args
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.mechanics.singularity.split import SingularityKind, split_jacobians
+from stewart_pin.mechanics.singularity import SingularityKind, split_jacobians
 from stewart_pin.motion.simulation.motors import MotorBank
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State

@@ -13,7 +13,7 @@ from scipy.linalg import get_lapack_funcs, qr
 from stewart_pin.errors import ClosureError, UnsupportedError
 from stewart_pin.kernels.choosing import SimulationKernels
 from stewart_pin.mechanics.forward_dynamics import forward_dynamics
-from stewart_pin.programs.single_state import SingleState
+from stewart_pin.programs.arrays import SingleState
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.pinocchio_constraints import constraint_models

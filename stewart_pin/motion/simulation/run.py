@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from stewart_pin.checks import as_positive
+from stewart_pin.checks import as_number, as_positive
 from stewart_pin.errors import ClosureError, ConvergenceError, InputError, SingularityError
 from stewart_pin.kernels.choosing import simulation_kernels
 from stewart_pin.motion.simulation.drive import ControllerFailure, Drive, Flow
@@ -42,7 +42,27 @@ _WATCH_RATE = 50.0
 
 @dataclass(frozen=True)
 class Options:
-    """What `simulate` was asked for, checked; the names are its own."""
+    """What `simulate` was asked for, checked.
+
+    Attributes
+    ----------
+    duration, dt
+        Length of the run and of a step [s].
+    method
+        ``"fixed"`` or one of SciPy's.
+    record_rate
+        Records per second, or None [1/s].
+    singular
+        Nearness below which a singularity is an event, dimensionless.
+    stop_on
+        Kinds of events that end the run.
+    rtol, atol
+        Tolerances of SciPy's methods, dimensionless.
+    kernels
+        Whether kernels answer; None: where they pay.
+    progress
+        Called on the way, or None.
+    """
 
     duration: float
     dt: float
@@ -116,12 +136,25 @@ class Run:
         self.recorded, self.sampled = -1, start.sampled
         self.reason, self.speechless = "", False
 
-    def time(self, k: int) -> float:
+    def _time(self, k: int) -> float:
         """Give the instant of a step."""
         return self.start.origin + k * self.options.dt
 
     def go(self) -> Simulation:
-        """Step to the end, or to what ends the run before."""
+        """Step to the end, or to what ends the run before.
+
+        Returns
+        -------
+        Simulation
+            What was recorded.
+
+        Raises
+        ------
+        InputError
+            If the controller fails at once.
+        SimulationInterrupted
+            If the user interrupts; carries what ran.
+        """
         interrupt: KeyboardInterrupt | None = None
         try:
             while not self._ends():
@@ -131,11 +164,11 @@ class Run:
         except ControllerFailure as error:
             if self.recorded < 0:
                 raise InputError(str(error)) from error
-            at = self.time(self.here[1])
+            at = self._time(self.here[1])
             self.watcher.note(Event(at, "controller", ", ".join(self.chain.motors), math.nan, math.nan))
             self.reason, self.speechless = str(error), True
         except KeyboardInterrupt as error:
-            self.reason, interrupt = f"interrupted at {self.time(self.here[1]):g} s", error
+            self.reason, interrupt = f"interrupted at {self._time(self.here[1]):g} s", error
         simulation = self._finished()
         if interrupt is not None:
             raise SimulationInterrupted(self.reason, simulation) from interrupt
@@ -144,7 +177,7 @@ class Run:
     def _ends(self) -> bool:
         """Sample the controller, record, and note events at an instant; tell whether the run ends there."""
         drive, (phase, k) = self.drive, self.here
-        t = self.time(k)
+        t = self._time(k)
         if drive.every and k % drive.every == 0 and k != self.sampled:
             x = phase.x.copy()
             x[2:] = drive.sample(t, phase.q, phase.v, x[2:])
@@ -161,7 +194,7 @@ class Run:
 
     def _step(self) -> None:
         phase, k = self.here
-        self.here = self.stepper.advance(self.time(k), phase, self.options.dt), k + 1
+        self.here = self.stepper.advance(self._time(k), phase, self.options.dt), k + 1
         phase, k = self.here
         self.largest_gap = max(self.largest_gap, phase.gap)
         if self.options.progress and (k % self.watch == 0 or k == self.last):
@@ -176,7 +209,7 @@ class Run:
             )
 
     def _events(self, k: int, phase: Phase) -> list[Event]:
-        t, flow = self.time(k), self.flow
+        t, flow = self._time(k), self.flow
         found = self.watcher.limits(t, phase.q, phase.v, flow.command(t, phase.q, phase.v, phase.x))
         if k % self.watch == 0:
             self.plant.watch(phase.q, phase.v)
@@ -211,7 +244,7 @@ class Run:
     def _note_failure(self, error: Exception) -> str:
         """Note why a step failed, and say it."""
         phase, k = self.here
-        since, end = self.time(k), self.time(k + 1)
+        since, end = self._time(k), self._time(k + 1)
         if isinstance(error, ClosureError):
             culprit = str(error).split(" row ")[0]
             self.watcher.note(Event(end, "closure_lost", culprit, error.residual, 0.0))
@@ -232,7 +265,7 @@ class Run:
     def _finished(self) -> Simulation:
         phase, k = self.here
         if self.recorded != k and not self.speechless:
-            self._record(self.time(k), phase, last=k == self.last)
+            self._record(self._time(k), phase, last=k == self.last)
         memory = Memory(
             phase.q,
             phase.v,
@@ -274,18 +307,6 @@ def _closed(plant: Plant, start: SimulationState) -> tuple[Configuration, Tangen
     if left is not None and np.array_equal(left.q, start.q) and np.array_equal(left.v, start.v):
         return start.q, start.v, left.gap
     return plant.project(start.q, start.v)
-
-
-def as_number(name: str, value: float) -> float:
-    """Return a finite number; text and truth values are none."""
-    wrong = isinstance(value, (str, bytes, bool, np.bool_)) or np.ndim(value) or np.iscomplexobj(value)
-    try:
-        number = math.nan if wrong else float(value)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise InputError(f"{name} must be a finite number, got {value!r}")
-    return number
 
 
 def _steps(duration: float, dt: float) -> int:

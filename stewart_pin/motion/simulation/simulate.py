@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stewart_pin.checks import as_array, as_positive
+from stewart_pin.checks import as_array, as_number, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.motion.simulation.drive import (
     Controller,
@@ -24,7 +24,7 @@ from stewart_pin.motion.simulation.record import (
     Simulation,
     SimulationState,
 )
-from stewart_pin.motion.simulation.run import Method, Options, Progress, Run, as_number
+from stewart_pin.motion.simulation.run import Method, Options, Progress, Run
 from stewart_pin.motion.simulation.steppers import (
     METHODS,
 )
