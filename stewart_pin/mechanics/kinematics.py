@@ -20,7 +20,7 @@ from stewart_pin.state.state import State, as_chain, as_state
 from stewart_pin.tolerances import SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
-_getrf, _gecon, _getrs = get_lapack_funcs(("getrf", "gecon", "getrs"), dtype=np.float64)
+_getrf, _gecon, _lange, _getrs = get_lapack_funcs(("getrf", "gecon", "lange", "getrs"), dtype=np.float64)
 _CONSISTENT = 1e-8
 """Part of a demanded motion that may be left over by round-off, relative to its size."""
 _ALONG = 1e-6
@@ -309,8 +309,9 @@ class _Follower:
         if usual.rank == chain.nc and chain.nv == chain.nc + 6 == usual.rank + usual.count.platform:
             matrix = np.concatenate([state.rows, self._rows])
             factors, pivots, info = _getrf(matrix)
-            norm = np.abs(matrix).sum(axis=0).max()
-            if info == 0 and _gecon(factors, norm)[0] > max(_FAR_FROM_SINGULAR, state.largest_gap):
+            if info == 0 and _gecon(factors, _lange("1", matrix))[0] > max(
+                _FAR_FROM_SINGULAR, state.largest_gap
+            ):
                 self._factors = factors, pivots
                 return
         self._split = self._platform_split(usual.count.platform)
@@ -333,10 +334,14 @@ class _Follower:
     def _least(self, rows: FloatArray, twist: FloatArray) -> FloatArray:
         """Least motion for rates of loop rows and platform; all in natural units."""
         if self._factors is not None:
-            return _getrs(*self._factors, np.concatenate([rows, twist]))[0]
+            return self._solved(np.concatenate([rows, twist]))
         motions = self._state.motions
         across = motions.across(rows)
         return across + motions.basis @ self._split.across(twist - self._rows @ across)
+
+    def _solved(self, right: FloatArray) -> FloatArray:
+        assert self._factors is not None
+        return _getrs(*self._factors, right)[0]
 
     def nearest(self, rows: FloatArray, twist: FloatArray) -> Tangent:
         """Least tangent vector that meets a demand as nearly as can be."""
@@ -362,8 +367,16 @@ class _Follower:
     def rates(self) -> FloatArray:
         """(nu, 6) motor rates per twist."""
         chain = self._state.chain
-        motion = self._least(np.zeros((chain.nc, 6)), np.diag(1 / self._sizes))
-        return chain.tangent_scale[chain.motor_index, None] * motion[chain.motor_index]
+        right = np.zeros((chain.nc + 6, 6))
+        right.ravel()[6 * chain.nc :: 7] = (
+            1 / self._sizes
+        )  # loops stay closed, one entry of the twist at a time
+        motion = (
+            self._least(right[: chain.nc], right[chain.nc :])
+            if self._factors is None
+            else self._solved(right)
+        )
+        return self._scale[chain.motor_index, None] * motion[chain.motor_index]
 
 
 def _said_of_platform(state: State) -> str:
