@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -19,6 +20,11 @@ from stewart_pin.state.freedom import TWIST_AXES
 from stewart_pin.state.state import State, as_state, named_motion
 from stewart_pin.tolerances import SINGULAR, TAKES_PART
 from stewart_pin.typing import ArrayLike, FloatArray
+
+CoordinateChoice = (
+    Literal["motor", "platform"] | list[str] | tuple[str, ...] | FloatArray | Sequence[Sequence[float]]
+)
+"""All motors, the platform's twist, joints by name, or (6, n) twists."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,7 +54,7 @@ class Coordinates(Brief):
     basis: FloatArray | None = None
 
 
-def choose_coordinates(state: State, coordinates: str | Sequence[str] | ArrayLike) -> Coordinates:
+def choose_coordinates(state: State, coordinates: CoordinateChoice) -> Coordinates:
     """Turn what a caller asks for into rows.
 
     Parameters

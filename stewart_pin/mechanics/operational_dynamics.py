@@ -11,7 +11,6 @@ where C is the Coriolis matrix of the tree with :math:`\dot M = C + C^\top`, hen
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +18,13 @@ import scipy.linalg
 
 from stewart_pin.brief import Brief
 from stewart_pin.errors import ActuationError, SingularityError
-from stewart_pin.mechanics.coordinates import Coordinates, choose_coordinates, rows_bias, rows_rate
+from stewart_pin.mechanics.coordinates import (
+    CoordinateChoice,
+    Coordinates,
+    choose_coordinates,
+    rows_bias,
+    rows_rate,
+)
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import OwnMotion, split_motions
 from stewart_pin.state.state import State, as_state, named_motion
@@ -75,7 +80,7 @@ def motion_map(
     q: ArrayLike | None = None,
     v: ArrayLike | None = None,
     *,
-    coordinates: str | Sequence[str] | ArrayLike = "motor",
+    coordinates: CoordinateChoice = "motor",
 ) -> MotionMap:
     """Find the explicit map from coordinate rates to the motion of the whole chain, and its bias.
 
@@ -134,7 +139,7 @@ class SolvedMap:
         As in `motion_map` [m/s, rad/s].
     """
 
-    def __init__(self, state: State, coordinates: str | Sequence[str] | ArrayLike) -> None:
+    def __init__(self, state: State, coordinates: CoordinateChoice) -> None:
         chain = state.require_moving().chain
         self.chain, self.state = chain, state
         self.chosen = choose_coordinates(state, coordinates)
@@ -281,7 +286,7 @@ def operational_dynamics(
     q: ArrayLike | None = None,
     v: ArrayLike | None = None,
     *,
-    coordinates: str | Sequence[str] | ArrayLike = "motor",
+    coordinates: CoordinateChoice = "motor",
 ) -> OperationalDynamics:
     """Write the equation of motion of a chain in motor, joint or platform coordinates.
 

@@ -38,6 +38,8 @@ def misspelt() -> None:
     """Misspell options, to which a checker must object: an unneeded ``ignore`` is an error of its own."""
     stp.simulate(chain, found.q, chain.rest, duration=0.01, method="rk4")  # type: ignore[arg-type]
     stp.velocity_limits(hexapod, [0, 0, 1], np.eye(3), rate_limit=1.0, others="none")  # type: ignore[arg-type]
+    stp.compile_kernels(chain).single_state("inverse_dynamic")  # type: ignore[arg-type]
+    stp.dynamics.motion_map(chain, found.q, coordinates="motors")  # type: ignore[arg-type]
 
 
 print(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import DTypeLike
@@ -55,6 +55,21 @@ class Places:
     conditioning: FloatArray | None
     threads: int
 
+
+SingleVerb = Literal[
+    "inverse_dynamics",
+    "forward_dynamics",
+    "reactions",
+    "regressor",
+    "inverse_kinematics",
+    "forward_kinematics",
+    "motor_jacobian",
+    "inverse_dynamics_derivatives",
+    "forward_dynamics_derivatives",
+    "inverse_dynamics_geometry",
+    "forward_dynamics_geometry",
+]
+"""Verbs of `Kernels` for one state at a time."""
 
 _GIVEN = {"platform": "pose", "tree": "q"}
 """What kernels take as it is given, by coordinates; motor positions are never enough."""
@@ -126,7 +141,7 @@ class Caller:
                     self._written[name] = self._functions.function(name)
         return self._written[name]
 
-    def single_state(self, verb: str) -> SingleState | SearchingState:
+    def single_state(self, verb: SingleVerb) -> SingleState | SearchingState:
         """Compile a verb for one state at a time, called with a tenth of the overhead.
 
         Parameters
