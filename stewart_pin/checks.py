@@ -143,8 +143,12 @@ def as_positive(name: str, value: float) -> float:
     return number
 
 
-def as_count(name: str, value: int, least: int = 0) -> int:
-    """Return a whole number that is large enough.
+MOST = 1_000_000
+"""Iterations, starts or samples beyond which a count is a slip: at the usual millisecond each, a quarter of an hour."""
+
+
+def as_count(name: str, value: int, least: int = 0, most: int | None = MOST) -> int:
+    """Return a whole number within bounds.
 
     Parameters
     ----------
@@ -152,8 +156,8 @@ def as_count(name: str, value: int, least: int = 0) -> int:
         Name of the argument, for the message.
     value
         What the caller passed.
-    least
-        Smallest that is allowed.
+    least, most
+        Smallest and largest that are allowed; None: of any size.
 
     Returns
     -------
@@ -163,15 +167,22 @@ def as_count(name: str, value: int, least: int = 0) -> int:
     Raises
     ------
     InputError
-        If it is no whole number, or smaller.
+        If it is no whole number, smaller or larger.
     """
     try:
         number = operator.index(value)
     except TypeError:
         raise InputError(f"{name} must be a whole number, {least} or more, got {value!r}") from None
     if number < least:
-        raise InputError(f"{name} must be {least} or more, got {number}")
+        raise InputError(f"{name} must be {least} or more, got {_told(number)}")
+    if most is not None and number > most:
+        raise InputError(f"{name} must be {most} or less, got {_told(number)}")
     return number
+
+
+def _told(number: int) -> str:
+    # Python refuses to write out some thousand digits.
+    return str(number) if number.bit_length() < 100 else f"one of {number.bit_length()} bits"
 
 
 def as_spread(name: str, value: ArrayLike, count: int) -> FloatArray:

@@ -90,6 +90,8 @@ class ClosureError(StewartPinError):
         Newton steps taken.
     q
         Configuration reached [m, rad].
+    sample
+        Which sample of a motion could not be followed [index]; None: there is no motion.
     """
 
     def __init__(self, message: str, *, residual: float, iterations: int, q: np.ndarray) -> None:
@@ -97,6 +99,7 @@ class ClosureError(StewartPinError):
         self.residual = residual
         self.iterations = iterations
         self.q = q
+        self.sample: int | None = None
 
 
 class UnreachableError(ClosureError):

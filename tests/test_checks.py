@@ -7,8 +7,9 @@ import pickle
 import numpy as np
 import pytest
 
+import stewart_pin as stp
 from stewart_pin import errors
-from stewart_pin.checks import as_array, as_batch, as_positive, require_broadcast
+from stewart_pin.checks import as_array, as_batch, as_count, as_positive, require_broadcast
 from stewart_pin.errors import InputError, StewartPinError
 
 
@@ -109,3 +110,39 @@ def test_every_error_is_tried() -> None:
         kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, StewartPinError)
     }
     assert defined - {StewartPinError} == {type(error) for error in EXAMPLES}
+
+
+@pytest.mark.parametrize(
+    "value",
+    [pytest.param(10**5000, id="huge"), pytest.param(-(10**5000), id="far below"), 2.0, "3", None, 10**7],
+)
+def test_counts_beyond_reason_are_named(value: object) -> None:
+    with pytest.raises(InputError, match=r"^starts must be"):
+        as_count("starts", value)
+    assert as_count("seed", 10**400, most=None) == 10**400
+
+
+def test_counts_seeds_types_and_axes_are_refused_by_name() -> None:
+    chain = stp.load("stewart")
+    home = chain.q_home[chain.motor_q_index]
+    with pytest.raises(InputError, match=r"^starts must be 1000000 or less"):
+        stp.loops.all_forward_kinematics(chain, home, starts=10**400)
+    for seed in ("x", 1.5, -1, None):
+        with pytest.raises(InputError, match=r"^seed must be"):
+            stp.loops.all_forward_kinematics(chain, home, starts=1, seed=seed)
+        with pytest.raises(InputError, match=r"^seed must be"):
+            stp.motions.synthetic_accelerogram(seed=seed)
+    with pytest.raises(InputError, match=r"^duration / dt must be 10000000 or less"):
+        stp.motions.synthetic_accelerogram(duration=1e300)
+    for dtype in ("nonsense", 3, int, object()):
+        with pytest.raises(InputError, match=r"^dtype must be float64 or float32"):
+            stp.compile_kernels(chain, dtype=dtype, engine="numpy")
+    for axes in (5, "vx", [["vx"]], np.array([1.0, 2.0]), []):
+        with pytest.raises(InputError, match=r"^axes must be some of vx"):
+            stp.loops.generic_freedom(chain, axes)
+        with pytest.raises(InputError, match=r"^axes must be some of vx"):
+            stp.singularities.classify_singularity(chain, chain.q_home, axes=axes)
+        with pytest.raises(InputError, match=r"^axes must be some of vx"):
+            stp.singularities.singularity_map(chain, [0.0, 0.1], [0.0, 0.1], axes=axes)
+    with pytest.raises(InputError, match=r"^plane must be two of vx"):
+        stp.singularities.singularity_map(chain, [0.0, 0.1], [0.0, 0.1], plane=5)

@@ -22,7 +22,7 @@ from stewart_pin.mechanics.singularity import (
 )
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.freedom import TWIST_AXES, TwistAxis
+from stewart_pin.state.freedom import TWIST_AXES, TwistAxis, counted
 from stewart_pin.state.generic import generic_freedom
 from stewart_pin.state.newton import Closure, close_loops, solve
 from stewart_pin.state.paths import pose_path
@@ -118,7 +118,8 @@ def singularity_map(
     """
     as_chain(chain)
     x, y = (_rising(name, value) for name, value in (("x", x), ("y", y)))
-    if len(set(plane)) != 2 or not set(plane) <= set(TWIST_AXES[:3]) & set(axes):
+    counted(axes)
+    if np.shape(plane) != (2,) or len(set(plane)) != 2 or not set(plane) <= set(TWIST_AXES[:3]) & set(axes):
         raise InputError(f"plane must be two of vx, vy, vz that axes hold, got {plane!r}")
     length = chain.length_scale if length is None else as_positive("length", length)
     start = chain.q_home if q_guess is None else close_loops(chain, q_guess).q

@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from stewart_pin.brief import Brief
 from stewart_pin.mechanics.forward_dynamics import forward_dynamics
-from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_norm
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_norm, natural_share
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.row_derivatives import reaction_forces, row_derivatives
 from stewart_pin.state.state import State, as_state
@@ -116,15 +116,15 @@ def inverse_dynamics_derivatives(
         # Idle freedoms take over what they carry: idleᵀ (d force + M idle β) = 0.
         give = np.eye(chain.nv) - inertia @ idle @ _inverse_inertia(chain, inertia, idle) @ idle.T
         force_q, force_v, inertia = give @ force_q, give @ force_v, give @ inertia
-    share, rank = motions[chain.motor_index].T, state.freedom.count.motor
+    (share, sizes), rank = natural_share(state), state.freedom.count.motor
     u, s, vt = np.linalg.svd(share, full_matrices=False)
     spread = (vt[:rank].T / s[:rank]) @ u[:, :rank].T
     # Least-norm efforts are in the range of the motors' share, which turns with the motions: dN = -J⁺ d(J N).
-    pull = motions @ least_norm(share.T, effort.tau_motor, rank)
+    pull = motions @ least_norm(share.T, effort.tau_motor * sizes, rank)
     turned = -_least_norm(state, row_derivatives(chain, state.q, pull, chain.rest).rate_q)
-    beside = np.eye(chain.nu) - spread @ share
+    beside, spread = (np.eye(chain.nu) - spread @ share) / sizes[:, None], spread / sizes[:, None]
     return EffortDerivatives(
-        tau_q=spread @ (motions.T @ force_q) + beside @ turned[chain.motor_index],
+        tau_q=spread @ (motions.T @ force_q) + beside @ (turned[chain.motor_index] / sizes[:, None]),
         tau_v=spread @ (motions.T @ force_v),
         tau_a=spread @ (motions.T @ inertia),
     )

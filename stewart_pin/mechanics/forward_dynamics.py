@@ -57,7 +57,7 @@ def forward_dynamics(
     Returns
     -------
     Motion
-        Acceleration and loop reactions (of least norm where loops are redundant).
+        Acceleration and loop reactions (of least norm in natural units where loops are redundant).
 
     Raises
     ------

@@ -78,14 +78,14 @@ def all_forward_kinematics(
     MissingRoleError
         If the chain has no motors, or no platform.
     InputError
-        If there is no start.
+        If there is no start or there are more than a million, or the seed is no whole number from 0 on.
     """
     as_chain(chain)
     chain.require_motors()
     chain.platform_link  # noqa: B018 - raises
     target = as_array("q_motor", q_motor, (chain.nu,))
     starts = as_count("starts", starts, 1)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(as_count("seed", seed, most=None))
     home = chain.at(chain.q_home)
     system = motor_path(home, target).system(chain)
     told_apart = _joints_told_apart(chain)

@@ -65,8 +65,10 @@ def inverse_dynamics(
     Returns
     -------
     Effort
-        Motor efforts, loop reactions, and whether they are unique. Efforts that are not unique are the least-norm
-        ones. Idle freedoms, which no motor can drive, follow their own inertia whatever `a` asks of them.
+        Motor efforts, loop reactions, and whether they are unique. Efforts and reactions that are not unique are the
+        least-norm ones in natural units, forces times ``chain.length_scale`` beside moments: N m, so that the split
+        does not depend on the unit of length. Idle freedoms, which no motor can drive, follow their own inertia
+        whatever `a` asks of them.
 
     Raises
     ------
@@ -116,7 +118,7 @@ def motor_efforts(state: State, a: Tangent) -> FloatArray:
     Returns
     -------
     numpy.ndarray
-        (nu,) motor efforts, of least norm where they are not unique [N or N m].
+        (nu,) motor efforts, of least norm in natural units where they are not unique [N or N m].
     """
     drive = state.drive
     return (_by_motions(state, a, None) if drive is None else _by_drive(state, drive, a)).tau_motor
@@ -143,14 +145,13 @@ def _by_motions(state: State, a: Tangent, effort_limit: ArrayLike | Limits | Non
     """Split the equation of motion by the motions that keep the loops closed."""
     chain, freedom, usual = state.chain, state.freedom, state.chain.generic
     needed, a = _let_idle_go(state, a, freedom.idle)
-    share = freedom.motions[chain.motor_index].T  # Nᵀ Sᵀ, (dof, nu)
     load = freedom.motions.T @ needed
     if effort_limit is None:
-        tau_motor = least_norm(share, load, freedom.count.motor)
+        tau_motor = least_efforts(state, load)
     else:
         if isinstance(effort_limit, Limits):
             effort_limit = effort_limit.bounds("effort", chain.motor_index)
-        tau_motor = bounded_efforts(share, load, effort_limit, freedom.count.motor)
+        tau_motor = _bounded_efforts(state, load, effort_limit)
     needed[chain.motor_index] -= tau_motor
     lambda_c = least_reactions(state, needed)
     return Effort(
@@ -161,6 +162,45 @@ def _by_motions(state: State, a: Tangent, effort_limit: ArrayLike | Limits | Non
         a=a,
         residual=float(np.abs(needed - state.J_c.T @ lambda_c).max(initial=0.0)),
     )
+
+
+def least_efforts(state: State, load: FloatArray) -> FloatArray:
+    """Find the motor efforts that carry a load, of least norm where they are not unique.
+
+    Parameters
+    ----------
+    state
+        The state.
+    load
+        (dof,) what the motions of `Freedom.motions` need [N m].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nu,) efforts; forces count by ``chain.length_scale`` in their norm, moments by one [N or N m].
+    """
+    share, sizes = natural_share(state)
+    return least_norm(share, load, state.freedom.count.motor) / sizes
+
+
+def natural_share(state: State) -> tuple[FloatArray, FloatArray]:
+    """Tell what efforts in natural units, all N m, contribute to the motions.
+
+    Parameters
+    ----------
+    state
+        The state.
+
+    Returns
+    -------
+    share : numpy.ndarray
+        (dof, nu) contribution of each motor to each motion of `Freedom.motions`, dimensionless.
+    sizes : numpy.ndarray
+        (nu,) by which efforts are multiplied to stand in natural units [m or 1].
+    """
+    chain = state.chain
+    sizes = chain.tangent_scale[chain.motor_index]
+    return state.freedom.motions[chain.motor_index].T / sizes, sizes
 
 
 def least_norm(matrix: FloatArray, right: FloatArray, rank: int) -> FloatArray:
@@ -185,7 +225,7 @@ def least_norm(matrix: FloatArray, right: FloatArray, rank: int) -> FloatArray:
 
 
 def least_reactions(state: State, efforts: FloatArray) -> FloatArray:
-    """Find the reactions that carry joint efforts, of least norm where rows are redundant.
+    """Find the reactions that carry joint efforts, of least norm in natural units where rows are redundant.
 
     Parameters
     ----------
@@ -200,11 +240,7 @@ def least_reactions(state: State, efforts: FloatArray) -> FloatArray:
         (nc,) multipliers of the rows [N, N m].
     """
     chain, motions = state.chain, state.motions
-    found = motions.reactions(efforts * chain.tangent_scale) / chain.row_sizes
-    if motions.redundant.shape[1]:  # least in newtons and newton metres, not in natural units
-        beside = motions.redundant / chain.row_sizes[:, None]
-        found = found - beside @ np.linalg.lstsq(beside, found, rcond=None)[0]
-    return found
+    return motions.reactions(efforts * chain.tangent_scale) / chain.row_sizes
 
 
 def _let_idle_go(state: State, a: Tangent, idle: FloatArray) -> tuple[FloatArray, Tangent]:
@@ -234,37 +270,19 @@ _UNLIMITED = 1e10
 """"No limit" in the quadratic programme, relative to the load."""
 
 
-def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike, rank: int) -> FloatArray:
-    """Find the least-norm efforts within limits that carry a load.
+def _bounded_efforts(state: State, load: FloatArray, limit: ArrayLike) -> FloatArray:
+    """Find the efforts (nu,) within limits that carry a load, of least norm in natural units.
 
-    Parameters
-    ----------
-    share
-        (dof, nu) what one unit of each motor's effort contributes to each motion [N or N m per N or N m].
-    load
-        (dof,) what the motions need [N, N m].
-    limit
-        (nu, 2) least and greatest effort; or (nu,) or one number: largest absolute effort; inf for none [N or N m].
-    rank
-        Number of independent rows of the share.
-
-    Returns
-    -------
-    numpy.ndarray
-        (nu,) efforts [N or N m].
-
-    Raises
-    ------
-    InputError
-        If a limit is negative, no number, empty, or of another shape.
-    ConvergenceError
-        If no efforts within the limits carry the load.
+    The load (dof,) is what `Freedom.motions` need [N m]; limits are one number or (nu,), largest absolute efforts, or
+    (nu, 2), least and greatest ones; inf for none [N or N m].
     """
+    (share, sizes), rank = natural_share(state), state.freedom.count.motor
     nu = share.shape[1]
-    bound = _bounds(limit, nu)
+    bound = _bounds(limit, nu) * sizes[:, None]
     # Dependent rows (idle freedoms carry no load) are taken out, and the load is scaled to about one.
     u, s, vt = np.linalg.svd(share, full_matrices=False)
-    size = max(1.0, float(np.abs(load).max(initial=0.0)))
+    pressed = np.maximum(bound[:, 0], -bound[:, 1])  # what a motor has to give at least
+    size = max(float(np.abs(load).max(initial=0.0)), float(pressed.max(initial=0.0))) or 1.0
     rows, goal = vt[:rank], (u[:, :rank].T @ load) / (s[:rank] * size)
     qp = proxsuite.proxqp.dense.QP(nu, rows.shape[0], nu)
     qp.settings.eps_abs = _ACCURACY
@@ -277,11 +295,11 @@ def bounded_efforts(share: FloatArray, load: FloatArray, limit: ArrayLike, rank:
     left = float(np.abs(rows @ efforts - goal).max(initial=0.0))
     if qp.results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED or left > _CARRIED:
         raise ConvergenceError(
-            f"no efforts within effort_limit carry the load ({left * size:.3g} N or N m is left over); "
+            f"no efforts within effort_limit carry the load ({left * size:.3g} N m of some motion is left over); "
             "raise the limit or slow down",
             residual=left * size,
         )
-    return efforts * size
+    return efforts * size / sizes
 
 
 def _bounds(limit: ArrayLike, nu: int) -> FloatArray:

@@ -384,6 +384,8 @@ def classify_singularity(
     chain.platform_link  # noqa: B018 - raises
     length = chain.length_scale if length is None else as_positive("length", length)
     tolerance = as_positive("tolerance", tolerance)
+    if axes is not None:
+        counted(axes)
     usual = generic_freedom(chain, TWIST_AXES if axes is None else axes) if generic is None else generic
     if axes is not None and tuple(axes) != usual.axes:
         raise InputError(f"axes {tuple(axes)} are not those of generic, {usual.axes}; pass one of the two")

@@ -14,7 +14,7 @@ from stewart_pin.brief import Brief
 from stewart_pin.checks import as_positive, as_spread
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.closed_forms import leg_form, point_of
-from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_norm, motor_efforts
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_efforts, motor_efforts
 from stewart_pin.mechanics.kinematics import forward_kinematics, platform_acceleration, platform_motion
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
@@ -243,8 +243,7 @@ class ComputedTorque(Brief):
             return efforts
         # tauᵀ v_motor = momentᵀ ω for every motion: efforts of least norm that carry the moment.
         moment = pose.rotation @ body.inertia @ pose.rotation.T @ correction[3:]
-        N, S = state.freedom.motions, chain.motor_index
-        return efforts + least_norm(N[S].T, N.T @ state.P[3:].T @ moment, state.freedom.count.motor)
+        return efforts + least_efforts(state, state.freedom.motions.T @ state.P[3:].T @ moment)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

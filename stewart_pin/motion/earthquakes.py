@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.signal import bilinear, cont2discrete, lfilter, ss2tf
 
-from stewart_pin.checks import as_array, as_positive
+from stewart_pin.checks import as_array, as_count, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.motion.accelerograms import Accelerogram, accelerogram, correct_baseline, resample, scaled
 from stewart_pin.motion.trajectories import PlatformSamples
@@ -17,6 +17,8 @@ from stewart_pin.state.chain import as_pose
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _AXES = ("x", "y", "z")
+_LONGEST = 10_000_000
+"""Time steps of a record: half a day at a hundredth of a second takes 40 MB; more is a slip."""
 
 
 def synthetic_accelerogram(
@@ -65,7 +67,8 @@ def synthetic_accelerogram(
     dt, duration = as_positive("dt", dt), as_positive("duration", duration)
     if duration < 100 * dt:
         raise InputError(f"duration must be at least a hundred time steps, got {duration:g} s at dt {dt:g} s")
-    noise = np.random.default_rng(seed).standard_normal(round(duration / dt) + 1)
+    steps = as_count("duration / dt", round(min(duration / dt, 2.0 * _LONGEST)), most=_LONGEST)
+    noise = np.random.default_rng(as_count("seed", seed, most=None)).standard_normal(steps + 1)
     ground = colour_by_ground(noise, dt, frequency=ground_frequency, damping=ground_damping)
     t = dt * np.arange(noise.size) / duration
     envelope = np.where(t < 0.125, (t / 0.125) ** 2, np.where(t < 0.5, 1.0, np.exp(-6.0 * (t - 0.5))))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stewart_pin.errors import ClosureError
 from stewart_pin.mechanics.kinematics import inverse_kinematics, platform_motion
 from stewart_pin.model.limits import LimitKind
 from stewart_pin.motion.trajectories import PlatformSamples
@@ -58,19 +59,23 @@ def joint_motion(
     Raises
     ------
     ClosureError
-        If the chain cannot take a pose, or follow the motion.
+        If the chain cannot take a pose, or follow the motion; it carries the sample.
     """
     wanted = range(len(samples)) if instants is None else instants
     q = np.empty((len(wanted), chain.nq))
     v, a = np.empty((2, len(wanted), chain.nv))
     guess = None
     for n, k in enumerate(wanted):
-        if rates:
-            here = (samples.pose(k), samples.twist[k], samples.acceleration[k])
-            state = platform_motion(chain, *here, q_guess=guess, limits=False)
-            q[n], v[n], a[n] = state.q, state.v, state.a
-        else:
-            q[n] = inverse_kinematics(chain, samples.pose(k), q_guess=guess, limits=False).q
+        try:
+            if rates:
+                here = (samples.pose(k), samples.twist[k], samples.acceleration[k])
+                state = platform_motion(chain, *here, q_guess=guess, limits=False)
+                q[n], v[n], a[n] = state.q, state.v, state.a
+            else:
+                q[n] = inverse_kinematics(chain, samples.pose(k), q_guess=guess, limits=False).q
+        except ClosureError as error:
+            error.sample = int(k)
+            raise
         guess = q[n]
     return JointMotion(q, v, a) if rates else JointMotion(q)
 

@@ -228,11 +228,8 @@ class _Fit:
         try:
             asked = asked_of_others(self.chain, samples, instants)
         except ClosureError as error:
-            return [
-                Binding(
-                    "reach", self.chain.platform_link, float(samples.time[0]), error.residual, 0.0, np.inf
-                )
-            ]
+            at = float(samples.time[0 if error.sample is None else error.sample])
+            return [Binding("reach", self.chain.platform_link, at, error.residual, 0.0, np.inf)]
         time = samples.time if instants is None else samples.time[list(instants)]
         return self._used(asked, time)
 

@@ -16,7 +16,14 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError
-from stewart_pin.programs.arrays import SingleState, as_states, n_states, require_apart, require_out
+from stewart_pin.programs.arrays import (
+    SingleState,
+    as_real,
+    as_states,
+    n_states,
+    require_apart,
+    require_out,
+)
 from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.llvm.machine_code import Target, compile_for_ranges, host_target
 from stewart_pin.programs.llvm.module import module_for_ranges
@@ -81,9 +88,7 @@ class ArrayKernel:
         self.repeat = repeat
         if repeat is not None:
             require_repeat(program, repeat)
-        self.dtype = np.dtype(dtype)
-        if self.dtype not in (np.float64, np.float32):
-            raise InputError(f"dtype must be float64 or float32, got {self.dtype}")
+        self.dtype = as_real(dtype)
         if engine not in (None, "llvm", "numpy"):
             raise InputError(f"engine must be 'llvm', 'numpy' or None, got {engine!r}")
         if engine is None:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from stewart_pin.errors import InputError
 from stewart_pin.programs.llvm.machine_code import Target, compile_for_one, host_target
@@ -17,6 +18,33 @@ from stewart_pin.programs.program import Port, Program
 from stewart_pin.programs.repeating import Repeat, interpreted
 from stewart_pin.programs.status import StateBound, StateStatus, judge, written_outputs
 from stewart_pin.typing import ArrayLike, FloatArray
+
+
+def as_real(dtype: DTypeLike) -> np.dtype[Any]:
+    """Take the type of a kernel's numbers.
+
+    Parameters
+    ----------
+    dtype
+        numpy.float64 or numpy.float32.
+
+    Returns
+    -------
+    numpy.dtype
+        The same.
+
+    Raises
+    ------
+    InputError
+        If it is another, or no type.
+    """
+    try:
+        real = np.dtype(dtype)
+    except (TypeError, ValueError):
+        raise InputError(f"dtype must be float64 or float32, got {dtype!r}") from None
+    if real not in (np.float64, np.float32):
+        raise InputError(f"dtype must be float64 or float32, got {real}")
+    return real
 
 
 def as_states(port: Port, value: ArrayLike, dtype: np.dtype[Any]) -> tuple[FloatArray, bool]:

@@ -9,7 +9,7 @@ decompositions see natural units, so that the unit of length decides nothing.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, get_args
@@ -360,9 +360,10 @@ def counted(axes: Sequence[str]) -> FloatArray:
     InputError
         If a name is none of them, or there is none.
     """
-    if isinstance(axes, str) or not axes or not set(axes) <= set(TWIST_AXES):
+    names = list(axes) if isinstance(axes, Iterable) and not isinstance(axes, str) else []
+    if not names or not all(isinstance(name, str) and name in TWIST_AXES for name in names):
         raise InputError(f"axes must be some of {', '.join(TWIST_AXES)}, got {axes!r}")
-    return np.array([float(name in axes) for name in TWIST_AXES])
+    return np.array([float(name in names) for name in TWIST_AXES])
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -152,10 +152,10 @@ def generic_freedom(chain: ClosedChain, axes: Sequence[TwistAxis] = TWIST_AXES) 
         Motions of the loops, and how many of them motors and platform take part in.
     """
     as_chain(chain)
+    counted(axes)
     usual = chain.generic
     if tuple(axes) == usual.count.axes:
         return usual.count
-    counted(axes)
     return _count(chain, [_shares(chain.at(q), usual.rank) for q in usual.samples], axes)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.choosing import require_choice
 from stewart_pin.kernels.kernels import Kernels
+from stewart_pin.model.limits import KINDS
 from stewart_pin.motion.motor_demand import (
     MotorDemand,
     demand_by_formula,
@@ -376,7 +377,7 @@ def sweep_demand(
     return sweep_study(
         study,
         points,
-        name=_name(chain, motion, limits) if name is None else name,
+        name=(_name(chain, motion) if name is None else name) + (" within limits" if limits else ""),
         chunk=motions_in_a_task(study, points) if chunk is None else chunk,
         groups=groups,
         executor=executor,
@@ -426,14 +427,14 @@ def _signature(function: Callable[..., Any]) -> inspect.Signature:
         return inspect.Signature([inspect.Parameter("any", inspect.Parameter.VAR_KEYWORD)])
 
 
-def _name(chain: ClosedChain | Callable[..., ClosedChain], motion: Callable[..., Any], limits: bool) -> str:
+def _name(chain: ClosedChain | Callable[..., ClosedChain], motion: Callable[..., Any]) -> str:
     given = isinstance(chain, ClosedChain)
     robot = f"{chain.name} (digest {_digest(chain)[:8]})" if given else function_name(chain)
-    return f"motor demand of {robot} under {function_name(motion)}" + (" within limits" if limits else "")
+    return f"motor demand of {robot} under {function_name(motion)}"
 
 
 def _digest(chain: ClosedChain) -> str:
-    """Tell chains apart by all that their dynamics depend on."""
+    """Tell chains apart by all that their dynamics and the judgement of their limits depend on."""
     loops = [
         (
             loop.kind,
@@ -444,13 +445,12 @@ def _digest(chain: ClosedChain) -> str:
             loop.axis.tolist(),
             loop.axis2.tolist(),
             loop.length,
-            loop.bounds,
         )
         for loop in chain.loops
     ]
     couplings = [(one.joint1, one.joint2, one.polynomial) for one in chain.couplings]
     roles = (chain.motors, chain.platform, chain.q_home.tolist())
-    # Of the limits, the text of the model does not have these.
-    further = [chain.limits.of(kind).tolist() for kind in ("acceleration", "jerk")]
-    text = chain.model.saveToString() + repr((loops, couplings, roles, further))
+    # The text of the model knows only the limits of joints with one freedom, and of these not all kinds.
+    limits = [chain.limits.names, *(chain.limits.of(kind).tolist() for kind in KINDS)]
+    text = chain.model.saveToString() + repr((loops, couplings, roles, limits))
     return hashlib.sha256(text.encode()).hexdigest()

@@ -14,6 +14,8 @@ from scipy.optimize import linprog
 
 import stewart_pin as stp
 from stewart_pin.errors import InputError, SingularityError, UnreachableError, UnsupportedError
+from stewart_pin.mechanics.capability.enumeration import image_of_limits
+from stewart_pin.mechanics.capability.free_motions import binding_limits
 
 _spec = importlib.util.spec_from_file_location("small_robots", Path(__file__).with_name("small_robots.py"))
 assert _spec is not None and _spec.loader is not None
@@ -342,3 +344,66 @@ def test_idle_motion_that_the_weight_loads_is_said() -> None:
     stp.polytopes.wrench_polytope(chain, chain.q_home)
     with pytest.raises(UnsupportedError, match="no motor drives"):
         stp.polytopes.wrench_polytope(chain, chain.q_home, gravity=True)
+
+
+@pytest.mark.parametrize("robot", ["stewart_sps", "hexapod_rss", "delta"])
+def test_stops_and_rates_of_idle_spins_do_not_bind_the_platform(robot: str, rng) -> None:
+    # Joints that an idle spin moves, limited at one end or both; the programme goes over all joint rates.
+    chain = stp.load(robot)
+    single = np.flatnonzero(chain.judge._q >= 0)
+    bare = {chain.limits.names[k]: dict.fromkeys(("position", "velocity")) for k in single}
+    chain = stp.with_limits(chain, bare | {motor: {"velocity": 1.0} for motor in chain.motors})
+    q = chain.q_home
+    spins = np.intersect1d(single, np.flatnonzero(np.abs(chain.at(q).freedom.idle).max(axis=1) > 1e-6))
+    for count in (1, 2, 4, 6):
+        changes: dict[str, dict] = {}
+        stops = np.full((chain.nv, 2), [-np.inf, np.inf])
+        for joint in rng.choice(spins, size=count, replace=False):
+            name, there, most = chain.limits.names[joint], q[chain.judge._q[joint]], rng.uniform(0.05, 1.0)
+            choice = rng.integers(5)
+            if choice < 2:
+                changes[name] = {"position": ((there, there + 9), (there - 9, there))[choice]}
+                stops[joint, choice] = 0.0
+            else:
+                changes[name] = {"velocity": ((None, most), (-most, None), (-most, 0.5 * most))[choice - 2]}
+        limited = stp.with_limits(chain, changes)
+        polytope = stp.polytopes.velocity_polytope(limited, q)
+        lower, upper = limited.limits.bounds("velocity", slice(chain.nv)).T
+        lower, upper = np.maximum(lower, stops[:, 0]), np.minimum(upper, stops[:, 1])
+        directions = rng.standard_normal((15, len(polytope.names)))
+        cost = directions @ np.linalg.pinv(polytope.basis) @ platform_jacobian(chain, q)
+        best = block_programme(cost, stp.loop_jacobian(limited, q), np.zeros(chain.nc), lower, upper)
+        np.testing.assert_allclose((directions @ polytope.vertices.T).max(axis=1), best, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("inner", [1, 2, 3])
+def test_limits_are_projected_along_motions_that_do_not_count(inner: int, rng) -> None:
+    # Two coordinates that count, both limited, and rows at one end or both that couple them with motions that do not.
+    told = bound = 0
+    for _ in range(40):
+        m = int(rng.integers(1, 3 + 2 * inner))
+        mixed = rng.standard_normal((m, 2 + inner)) * (rng.random((m, 2 + inner)) < 0.6)
+        mixed = mixed[np.abs(mixed).any(axis=1)]
+        turn = np.linalg.qr(rng.standard_normal((2 + inner, 2 + inner)))[0]
+        rows = np.vstack([np.eye(2, 2 + inner), mixed]) @ turn
+        shape = (2, mixed.shape[0])
+        ends = rng.uniform(0.0, 0.7, shape) * (rng.random(shape) < 0.7)
+        ends[rng.random(shape) < 0.4] = np.inf
+        lower, upper = np.r_[-1.0, -1.0, -ends[0]], np.r_[1.0, 1.0, ends[1]]
+        least, most = binding_limits(rows, lower, upper, turn[2:].T)
+        kept = np.isfinite(least) | np.isfinite(most)
+        told += np.count_nonzero(np.isfinite(np.r_[lower, upper]) & np.isinf(np.r_[least, most]))
+        seen = np.linalg.svd(rows[kept])[2][: np.linalg.matrix_rank(rows[kept], tol=1e-9)].T
+        found = image_of_limits(
+            rows[kept] @ seen, least[kept], most[kept], (("", ""),) * np.count_nonzero(kept),
+            turn[:2] @ seen, np.zeros(2),
+        )  # fmt: skip
+        assert found is not None
+        sides, bounds = np.vstack([rows, -rows]), np.r_[upper, -lower]
+        sides, bounds = sides[np.isfinite(bounds)], bounds[np.isfinite(bounds)]
+        for direction in rng.standard_normal((8, 2)):
+            best = linprog(-direction @ turn[:2], A_ub=sides, b_ub=bounds, bounds=(None, None))
+            support = (found.vertices @ direction).max()
+            assert support == pytest.approx(-best.fun, rel=1e-7, abs=1e-8)
+            bound += support < np.abs(direction).sum() - 1e-6
+    assert told > 20 and bound > 20

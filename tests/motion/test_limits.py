@@ -160,7 +160,8 @@ def test_the_rate_of_a_hinge_is_judged() -> None:
     motion = sway(chain, 0.05, 2.0)(1.0)
     hinge = chain.tangent_names.index("leg1_y")
     swing = max(
-        abs(stp.platform_motion(chain, motion.pose(k), motion.twist[k]).v[hinge]) for k in range(TIME.size)
+        abs(stp.platform_motion(chain, motion.pose(k), motion.twist[k], motion.acceleration[k]).v[hinge])
+        for k in range(TIME.size)
     )
     close = stp.with_limits(chain, {"leg1_y": {"velocity": 0.999 * swing}})
     found = stp.motor_demand(close, motion).check()

@@ -12,6 +12,7 @@ import stewart_pin as stp
 from stewart_pin.errors import ClosureError
 from stewart_pin.mechanics.closed_forms import leg_form
 from stewart_pin.motion.motor_demand import _state_by_state
+from stewart_pin.motion.shake_table import _Fit
 from tests.closed_states import close, robot
 
 TIME = np.linspace(0.0, 1.0, 201)
@@ -147,3 +148,22 @@ def test_closed_forms_are_taken_only_where_they_agree() -> None:
     found = stp.motor_demand(lopsided, few, kernels=False)
     at = stp.platform_motion(lopsided, few.pose(0), np.zeros(6), np.zeros(6))
     np.testing.assert_allclose(found.efforts[0], stp.inverse_dynamics(at).tau_motor, rtol=1e-8)
+
+
+@pytest.mark.parametrize("instants", [None, [0, 8, 25, 38]])
+@pytest.mark.parametrize("kind", ["position", "velocity"])
+def test_what_joints_cannot_follow_is_said_with_its_instant(instants: list[int] | None, kind: str) -> None:
+    chain = stp.load("delta")
+    passive = next(n for n in chain.limits.names[: chain.nv] if n.startswith("rod") and n not in chain.motors)
+    chain = stp.with_limits(chain, {passive: {kind: 100.0}})
+    home = stp.platform_pose(chain, chain.q_home)
+    there = pin.SE3(home.rotation, home.translation + [2 * chain.length_scale, 0.0, 0.0])
+    samples = stp.motions.minimum_jerk_motion(TIME[::5], start=home, end=there, duration=1.0)
+    first = next(
+        k
+        for k in instants or range(len(samples))
+        if not stp.inverse_kinematics(chain, samples.pose(k), throw=False, limits=False).success
+    )
+    assert first > 0
+    (binding,) = _Fit(chain, lambda _: samples, 0.0)._of_others(1.0, instants)
+    assert (binding.limit, binding.motor, binding.time) == ("reach", chain.platform, samples.time[first])

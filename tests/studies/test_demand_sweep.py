@@ -16,6 +16,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import InputError, UnsupportedError
+from stewart_pin.model.limits import KINDS
 from stewart_pin.motion import motor_demand as motor_demand_module
 from stewart_pin.studies import demand_sweep
 from stewart_pin.studies.answers import Carried
@@ -29,6 +30,8 @@ NAMES = {"peak_effort", "rms_effort", "lowest_position", "highest_position", "tr
     "peak_power",
     "mean_power",
 }
+
+ZOO = Path(__file__).parents[1] / "zoo" / "urdf"
 
 
 def close(found: stp.sweeps.Sweep, expected: stp.sweeps.Sweep, tolerance: float = 1e-10) -> None:
@@ -408,6 +411,86 @@ def test_the_digest_sees_the_loops_too() -> None:
     moved = replace(first, placement1=first.placement1 * pin.SE3(np.eye(3), np.array([1e-9, 0.0, 0.0])))
     other = replace(chain, mechanism=replace(chain.mechanism, loops=(moved, *others)))
     assert _digest(other) != _digest(chain) == _digest(stp.load("stewart"))
+
+
+def test_the_digest_sees_every_limit() -> None:
+    # Balls of the tree (swing and angle), joints that close loops, motors and passive joints, at both ends.
+    chains = [
+        stp.load("stewart_sps"),
+        stp.load(ZOO / "gough_6sps.urdf"),
+        stp.load(ZOO / "planetary_gear.urdf"),
+    ]
+    for chain in chains:
+        tried = [_digest(chain)]
+        for row, name in enumerate(chain.limits.names):
+            for kind in KINDS:
+                ball = row >= chain.nv and name.endswith(("swing", "angle"))
+                ends = (3.0, 3.1) if ball else ((-9.0, 9.0), (-9.0, 9.1), (-9.1, 9.0), (-9.0, None))
+                if not ball or kind == "position":
+                    tried += _digests(chain, name, kind, ends)
+        assert len(tried) > 20 and len(set(tried)) == len(tried)
+
+
+def _digests(chain: stp.ClosedChain, name: str, kind: str, ends: Sequence[object]) -> list[str]:
+    try:
+        return [_digest(stp.with_limits(chain, {name: {kind: end}})) for end in ends]
+    except InputError:  # a coordinate that has no such limit
+        return []
+
+
+def test_the_digest_sees_all_that_moves_an_answer() -> None:
+    chain = stp.load(ZOO / "planetary_gear.urdf", motors=None)
+    assert chain.couplings
+    model, mechanism = chain.model.copy(), chain.mechanism
+    model.armature = model.armature + 1e-9
+    link = mechanism.links[-1].name
+    gear = mechanism.couplings[0]
+    geared = replace(gear, polynomial=tuple(c + 1e-9 for c in gear.polynomial))
+    stewart = robot("stewart")
+    first, *rest = stewart.loops
+    loops = [
+        replace(first, placement2=first.placement2 * pin.SE3(np.eye(3), np.array([0.0, 1e-9, 0.0]))),
+        replace(first, axis=first.axis[[1, 2, 0]]),
+        replace(first, axis2=first.axis2[[1, 2, 0]]),
+        replace(first, length=first.length + 1e-9),
+    ]
+    moved = stewart.q_home.copy()
+    moved[0] += 1e-9
+    changed = [
+        replace(chain, model=model),
+        replace(chain, mechanism=replace(mechanism, couplings=(geared, *mechanism.couplings[1:]))),
+        stp.attach_payload(chain, pin.Inertia(1e-6, np.zeros(3), np.eye(3) * 1e-9), link=link),
+        stp.load("stewart", gravity=(0, 0, -9.8)),
+        replace(stewart, q_home=moved),
+        stp.with_platform(stewart, stewart.mechanism.links[-1].name),
+        stp.with_motors(stewart, stewart.motors[::-1]),
+        *(replace(stewart, mechanism=replace(stewart.mechanism, loops=(loop, *rest))) for loop in loops),
+    ]
+    digests = [_digest(other) for other in (chain, stewart, *changed)]
+    assert len(set(digests)) == len(digests)
+
+
+def test_a_journal_of_looser_balls_is_refused(tmp_path: Path) -> None:
+    chain = stp.load(ZOO / "gough_6sps.urdf")
+    ball = next(name for name in chain.limits.names if name.endswith("swing"))
+    home = stp.platform_pose(chain, chain.q_home)
+    loose, tight = (stp.with_limits(chain, {ball: {"position": most}}) for most in (3.0, 2.0))
+    motion = functools.partial(
+        stp.motions.sinusoidal_motion, np.arange(5) / 5, home=home, frequency=(1, 0, 0)
+    )
+
+    def shake(amplitude: float) -> stp.motions.PlatformSamples:
+        return motion(amplitude=(amplitude, 0, 0))
+
+    for limits in (True, False):
+        journal = tmp_path / f"journal {limits}"
+        stp.sweep_demand(loose, shake, {"amplitude": [0.01]}, limits=limits, journal=journal)
+        with pytest.raises(InputError, match="belongs to another study"):
+            stp.sweep_demand(tight, shake, {"amplitude": [0.01]}, limits=limits, journal=journal)
+    named = tmp_path / "named"
+    stp.sweep_demand(loose, shake, {"amplitude": [0.01]}, journal=named, name="mine")
+    with pytest.raises(InputError, match="belongs to another study"):
+        stp.sweep_demand(loose, shake, {"amplitude": [0.01]}, journal=named, name="mine", limits=True)
 
 
 def test_no_point_is_no_demand() -> None:

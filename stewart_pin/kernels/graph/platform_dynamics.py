@@ -378,7 +378,7 @@ def balancing_efforts(placed: PlacedPlatform, wrench: ca.SX, columns: ca.SX) -> 
     Returns
     -------
     casadi.SX
-        (nu, 1), of least norm where there are more than needed.
+        (nu, 1), of least norm in natural units where there are more than needed.
     """
     share, load = placed.project(columns), placed.project(wrench)
     plan, dof = placed.plan, share.shape[0]
@@ -386,7 +386,9 @@ def balancing_efforts(placed: PlacedPlatform, wrench: ca.SX, columns: ca.SX) -> 
     values = placed.values(share) * placed.twist_scale[:, None] / motors
     if dof == share.shape[1]:
         return solve_square(share, load, values, "the motors' share")[0]
+    sizes = constant(motors)
+    share = share @ ca.diag(1 / sizes)
     square = share @ share.T
     scale = placed.twist_scale
     values = placed.values(square) * scale[:, None] * scale
-    return share.T @ solve_square(square, load, values, "the motors' share")[0]
+    return (share.T @ solve_square(square, load, values, "the motors' share")[0]) / sizes

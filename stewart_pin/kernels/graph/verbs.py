@@ -26,7 +26,8 @@ from stewart_pin.kernels.graph.regressor import driven_regressor, platform_regre
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.graph.whole_tree import motor_columns as tree_motor_columns
 from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots
-from stewart_pin.kernels.planning.spatial import shared
+from stewart_pin.kernels.planning.plan import PlatformPlan
+from stewart_pin.kernels.planning.spatial import constant, shared
 from stewart_pin.typing import FloatArray
 
 _NOTHING = 1e-6
@@ -73,10 +74,10 @@ def platform_conditioning(
         reduced.append(driving)
     if motors:
         share = placed.project(motor_columns(placed))
-        reduced.append(_share_reduced(share, placed.values, placed.twist_scale))
+        reduced.append(_share_reduced(share, placed.values, placed.twist_scale, _motor_sizes(placed.plan)))
     if reactions:
         share, before = holding_share(placed)
-        reduced += [before, _share_reduced(share, placed.values, np.ones(share.shape[0]))]
+        reduced += [before, _share_reduced(share, placed.values, *map(np.ones, share.shape))]
     return shared("conditioning", {"pose": placed.pose}, {"conditioning": _smallest(reduced, placed.usual)})
 
 
@@ -110,14 +111,22 @@ def tree_conditioning(
         reduced.append(held.reduced)
     if motors:
         share = closed.motions.T @ tree_motor_columns(closed.tree)
-        reduced.append(_share_reduced(share, closed.values, closed.motion_scale))
+        reduced.append(_share_reduced(share, closed.values, closed.motion_scale, _motor_sizes(closed)))
     return shared("conditioning", {"q": closed.q}, {"conditioning": _smallest(reduced, closed.usual)})
 
 
-def _share_reduced(share: ca.SX, values: Callable[[ca.SX], FloatArray], scale: FloatArray) -> Elimination:
+def _motor_sizes(of: PlatformPlan | ClosedTree) -> FloatArray:
+    """Natural sizes of the motors' coordinates [m or rad]."""
+    return of.chain.tangent_scale[list(of.tree.motors)]
+
+
+def _share_reduced(
+    share: ca.SX, values: Callable[[ca.SX], FloatArray], scale: FloatArray, motors: FloatArray
+) -> Elimination:
     """Eliminate the motors' share, or its square where motors are redundant."""
     if share.shape[0] < share.shape[1]:
-        share = share @ share.T
+        natural = share @ ca.diag(constant(1 / motors))
+        share = natural @ natural.T
         sampled = values(share) * scale[:, None] * scale
     else:
         sampled = values(share) * scale[:, None]

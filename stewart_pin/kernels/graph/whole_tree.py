@@ -203,7 +203,7 @@ def motor_efforts(
     Returns
     -------
     tau_motor, needed : casadi.SX
-        (nu, 1) of least norm where motors are redundant, and (nv, 1) joint efforts as changed.
+        (nu, 1) of least norm in natural units where motors are redundant, and (nv, 1) joint efforts as changed.
     """
     tree, chain = closed.tree, closed.chain
     share = closed.motions.T @ motor_columns(tree)
@@ -397,26 +397,29 @@ def let_idle_go(closed: ClosedTree, needed: ca.SX, idle: ca.SX, scale: FloatArra
 
 
 def _least_norm(closed: ClosedTree, share: ca.SX, load: ca.SX, rows: list[int]) -> ca.SX:
-    """Solve share tau = load for the smallest tau, in the motors' own units as the one-state verb does."""
-    share, load = share[rows, :], load[rows, :]
+    """Solve share tau = load for the smallest tau in natural units, as the one-state verb does."""
+    sizes = constant(closed.chain.tangent_scale[list(closed.tree.motors)])
+    share, load = share[rows, :] @ ca.diag(1 / sizes), load[rows, :]
     square = share @ share.T
     scale = closed.motion_scale[rows]
     multipliers, _ = solve_square(
         square, load, closed.values(square) * scale[:, None] * scale, "the motors' share"
     )
-    return share.T @ multipliers
+    return (share.T @ multipliers) / sizes
 
 
 def _reactions(closed: ClosedTree, left: ca.SX) -> ca.SX:
-    """Loop reactions of least norm, in the chain's own rows."""
+    """Loop reactions of least norm in natural units, in the chain's own rows."""
     reduced, tree = closed.reduced, closed.tree
     found = reduced.back(reduced.forward(left), {})
     lambda_c = ca.vertcat(*(found.get(k, ca.SX(0)) for k in range(tree.nc)))
     if reduced.pivots.columns:
         own = [_unit_response(closed, column) for column in reduced.pivots.columns]
         basis = ca.horzcat(*own)
-        square = basis.T @ basis
-        parts, _ = solve_square(square, basis.T @ lambda_c, closed.values(square), "the redundant reactions")
+        natural = ca.diag(constant(closed.chain.row_sizes)) @ basis
+        square = natural.T @ natural
+        across = natural.T @ (constant(closed.chain.row_sizes) * lambda_c)
+        parts, _ = solve_square(square, across, closed.values(square), "the redundant reactions")
         lambda_c = lambda_c - basis @ parts
     return closed.columns.turn @ lambda_c
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import DTypeLike
 
-from stewart_pin.errors import InputError, UnsupportedError
+from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.verbs.configurations import (
     POOR,
     Starts,
@@ -25,7 +25,7 @@ from stewart_pin.kernels.verbs.configurations import (
 from stewart_pin.kernels.verbs.newton import NewtonSteps, OneSearch, Plans, Solved, straight
 from stewart_pin.kernels.verbs.searching import OtherPivots, SearchingState
 from stewart_pin.programs.array_kernel import ArrayKernel, Engine, compile_function
-from stewart_pin.programs.arrays import SingleState, require_apart, require_out
+from stewart_pin.programs.arrays import SingleState, as_real, require_apart, require_out
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.programs.symbolic import drop, writing
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -98,10 +98,8 @@ class Caller:
         self.chain = functions.chain
         self.coordinates = functions.coordinates
         self._functions = functions
-        self._dtype = np.dtype(dtype)
+        self._dtype = as_real(dtype)
         self._engine: Engine | None = engine
-        if self._dtype not in (np.float64, np.float32):
-            raise InputError(f"dtype must be float64 or float32, got {self._dtype}")
         self._written: dict[str, Any] = {}
         self._kernels: dict[tuple[str, bool, bool], ArrayKernel] = {}
         self._measures: dict[str, Any] = {}

@@ -36,7 +36,8 @@ class DynamicsVerbs(Caller):
         Returns
         -------
         numpy.ndarray
-            (N, nu) motor efforts in the order of ``chain.motors``; of least norm where motors are redundant [N or N m].
+            (N, nu) motor efforts in the order of ``chain.motors``; of least norm in natural units, forces times
+            ``chain.length_scale`` beside moments, where motors are redundant [N or N m].
         """
         return self._call(
             "inverse_dynamics", (pose, twist, acceleration), Places(out, status, conditioning, threads)
@@ -96,8 +97,8 @@ class DynamicsVerbs(Caller):
         Returns
         -------
         numpy.ndarray
-            (N, nc) what the closures do to link 2, row by row in loop frame 1; of least norm where rows are redundant
-            [N and N m].
+            (N, nc) what the closures do to link 2, row by row in loop frame 1; of least norm in natural units where
+            rows are redundant [N and N m].
         """
         return self._call(
             "reactions", (pose, twist, acceleration), Places(out, status, conditioning, threads)

@@ -245,7 +245,7 @@ def closed_chain_articulated_body(
     Returns
     -------
     Motion
-        Acceleration and loop reactions (of least norm where loops are redundant).
+        Acceleration and loop reactions (of least norm in natural units where loops are redundant).
 
     Raises
     ------
@@ -331,7 +331,7 @@ def _rotors(chain: ClosedChain) -> FloatArray:
 def _loop_forces(
     chain: ClosedChain, response: FloatArray, open_loops: FloatArray, lent: list[int]
 ) -> FloatArray:
-    """Solve A λ + b = 0 with as many directions as the loops have; the least forces where rows are redundant."""
+    """Solve A λ + b = 0 with as many directions as the loops have; least in natural units where rows are redundant."""
     sizes = np.concatenate([chain.row_sizes, chain.tangent_scale[lent]])
     rank = chain.generic.rank + len(lent)
     # Per natural effort and in natural units: A is symmetric, its rank that of the loop rows.
@@ -344,9 +344,7 @@ def _loop_forces(
             smallest_singular_value=float(s[rank - 1]),
             names=(name,),
         )
-    forces = -(vt[:rank].T @ ((u[:, :rank].T @ (open_loops / sizes)) / s[:rank])) / sizes
-    beside = vt[rank:].T / sizes[:, None]
-    return forces - beside @ np.linalg.lstsq(beside, forces, rcond=None)[0] if beside.size else forces
+    return -(vt[:rank].T @ ((u[:, :rank].T @ (open_loops / sizes)) / s[:rank])) / sizes
 
 
 # ----------------------------------------------------------------------------------------------------

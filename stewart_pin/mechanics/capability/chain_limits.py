@@ -6,6 +6,7 @@ import numpy as np
 
 from stewart_pin.errors import UnreachableError, UnsupportedError
 from stewart_pin.mechanics.capability.enumeration import image_of_limits
+from stewart_pin.mechanics.capability.free_motions import binding_limits
 from stewart_pin.mechanics.capability.platform_space import motor_limits, platform_space
 from stewart_pin.mechanics.capability.polytope import Polytope
 from stewart_pin.mechanics.effort import hangs
@@ -70,17 +71,24 @@ def velocity_polytope(
     if limits:
         low, high = _stops(chain, state.q)
         lower[low], upper[high] = np.maximum(lower[low], 0.0), np.minimum(upper[high], 0.0)
+    if (lower > upper).any():
+        raise UnsupportedError("the rate limits contradict each other")
     limited = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
     rows = chain.judge.rates(state.q, freedom.motions, limited)
-    # Motions that no limit sees (an idle spin) do not move the platform, because the motors hold it.
-    _, s, vt = np.linalg.svd(rows / chain.judge.sizes(limited)[:, None])
+    # Motions that do not move the platform (an idle spin, the inside of a redundant arm) may be whatever keeps limits.
+    sizes, inner = chain.judge.sizes(limited), np.linalg.svd(space.share)[2][space.share.shape[0] :].T
+    least, most = binding_limits(rows / sizes[:, None], lower[limited], upper[limited], inner)
+    binding = np.isfinite(least) | np.isfinite(most)
+    limited, rows, least, most = limited[binding], rows[binding], least[binding], most[binding]
+    # Motions that no limit sees do not move the platform either, because the motors hold it.
+    _, s, vt = np.linalg.svd(rows / sizes[binding, None])
     seen = vt[: np.count_nonzero(s >= SINGULAR)].T
     names = tuple(
         (f"{chain.limits.names[k]} at {lower[k]:+.6g}", f"{chain.limits.names[k]} at {upper[k]:+.6g}")
         for k in limited
     )
     shape = image_of_limits(
-        rows @ seen, lower[limited], upper[limited], names, space.share @ seen, np.zeros(space.basis.shape[1])
+        rows @ seen, least, most, names, space.share @ seen, np.zeros(space.basis.shape[1])
     )
     if shape is None:
         raise UnsupportedError("the rate limits contradict each other")

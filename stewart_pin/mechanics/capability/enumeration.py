@@ -217,14 +217,16 @@ def _solid_corners(
     there = np.isfinite(bounds)
     sides, bounds = sides[there], bounds[there] / size
     try:
-        dual = HalfspaceIntersection(np.c_[sides, -bounds], centre / size)
+        found = HalfspaceIntersection(np.c_[sides, -bounds], centre / size).intersections
     except QhullError:
+        found = np.full((1, sides.shape[1]), np.nan)
+    if not np.isfinite(found).all():
         raise ConvergenceError(
             "the corners of the set could not be found: it is too long and thin; move away from the singularity",
             residual=np.inf,
-        ) from None
-    corners = np.empty_like(dual.intersections)
-    for k, corner in enumerate(dual.intersections):
+        )
+    corners = np.empty_like(found)
+    for k, corner in enumerate(found):
         meeting = np.abs(sides @ corner - bounds) < _MEETING
         gap = bounds[meeting] - sides[meeting] @ corner
         corners[k] = corner + np.linalg.lstsq(sides[meeting], gap, rcond=1e-12)[0]

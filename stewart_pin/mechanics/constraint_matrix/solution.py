@@ -59,7 +59,8 @@ def constraint_matrix_inverse_dynamics(state: State, a: Tangent, *, throw: bool 
     Returns
     -------
     Effort
-        Motor efforts and reactions; where the system is singular the least-norm ones, motors first, then loops.
+        Motor efforts and reactions; where the system is singular the least-norm ones in natural units, motors first,
+        then loops.
 
     Raises
     ------
@@ -84,7 +85,11 @@ def constraint_matrix_inverse_dynamics(state: State, a: Tangent, *, throw: bool 
     demand = np.zeros_like(solution.unknowns)
     demand[:n_bodies] = _tree_accelerations(assembled, a)
     beyond = replace(solution, unknowns=solution.unknowns - demand)
-    unknowns, unique = _least_norm(beyond, [motors, loops, slice(n_bodies), slice(None)])
+    # Efforts and rows in units of energy, so that forces and moments compare whatever the unit of length.
+    sizes = np.ones_like(demand)
+    sizes[motors], sizes[loops] = chain.tangent_scale[chain.motor_index], chain.row_sizes
+    sizes[:n_bodies] = 1.0 / _motion_scale(system, chain.length_scale)
+    unknowns, unique = _least_norm(beyond, [motors, loops, slice(n_bodies), slice(None)], sizes)
     unknowns += demand
 
     residual_vector = system.matrix @ unknowns - system.right_hand_side
@@ -181,18 +186,23 @@ def _column_scale(system: ConstraintMatrixSystem, motion: FloatArray) -> FloatAr
     return 1.0 / np.linalg.norm(system.C.toarray() * motion[:, None], axis=0)
 
 
-def _least_norm(solution: _Solution, groups: list[slice]) -> tuple[FloatArray, list[bool]]:
-    """Among all solutions, make the first group least, then the second, and so on; tell which were unique."""
+def _least_norm(solution: _Solution, groups: list[slice], sizes: FloatArray) -> tuple[FloatArray, list[bool]]:
+    """Among all solutions, make the first group least, then the second, and so on; tell which were unique.
+
+    Least is the norm of the unknowns times their sizes.
+    """
     unknowns, basis, scale = solution.unknowns.copy(), solution.undetermined, solution.scale[:, None]
     unique: list[bool] = []
     for group in groups:
-        # Whether a group takes part in what is undetermined shows in natural units; what is least, in physical ones.
+        # Whether a group takes part in what is undetermined shows in the units of the solution.
         _, s, vt = np.linalg.svd(basis[group], full_matrices=True)
         rank = int(np.count_nonzero(s > TAKES_PART))
         unique.append(rank == 0)
         if rank:
             moving = scale * (basis @ vt[:rank].T)
-            unknowns -= moving @ np.linalg.lstsq(moving[group], unknowns[group], rcond=None)[0]
+            size = sizes[group]
+            apart = np.linalg.lstsq(moving[group] * size[:, None], unknowns[group] * size, rcond=None)[0]
+            unknowns -= moving @ apart
         basis = basis @ vt[rank:].T
     return unknowns, unique
 
