@@ -371,17 +371,15 @@ def counted(axes: Sequence[str]) -> FloatArray:
 #
 # Loops, platform and motors do not determine them, so that something has to be chosen, and the choice has to belong to
 # the mechanism and not to the joints by which it is told. With R a basis of these motions, M the inertia of the tree
-# and
-# h its efforts without acceleration,
+# and h its efforts without acceleration,
 #
 # .. math:: R^\top M v = 0, \qquad R^\top (M a + h) = 0:
 #
 # they carry no momentum, and follow their own inertia. A rod that is round about its axis u then does not turn about
 # it,
 # :math:`u \cdot \omega = 0` and :math:`u \cdot \dot\omega = 0`, as textbooks have it. Of motions without inertia, R₀,
-# on
-# which no effort depends, the links turn least: with the angular velocities :math:`\omega_i = J_i v` of all links in
-# the
+# on which no effort depends, the links turn least: with the angular velocities :math:`\omega_i = J_i v` of all links
+# in the
 # world,
 #
 # .. math:: R_0^\top \sum_i J_i^\top \omega_i = 0, \qquad R_0^\top \sum_i J_i^\top \dot\omega_i = 0.

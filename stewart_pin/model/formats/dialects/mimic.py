@@ -121,8 +121,7 @@ DIALECT = Dialect("mimic", "<mimic>", {"joint/mimic": _read, "drake:joint/mimic"
 # Mimic joints of Gazebo Classic, which knows no ``<mimic>``: plugins that move one joint after another
 #
 # ``<mimicJoint>`` follows ``<joint>`` (``<jointName>`` in one of them) with ``<multiplier>`` and ``<offset>``. Where
-# the
-# follower has a ``<mimic>`` of its own, that one counts.
+# the follower has a ``<mimic>`` of its own, that one counts.
 #
 # References
 # ----------
