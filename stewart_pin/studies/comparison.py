@@ -16,11 +16,15 @@ from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.mechanics.closed_forms import Form, LegForm, admission, point_of
 from stewart_pin.mechanics.inverse_dynamics import Method, inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion
+from stewart_pin.model.description import JointKind
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State, as_chain
 from stewart_pin.typing import FloatArray
 
+_ANOTHER_BRANCH = 1e-6
+"""How far motors may be from where the motion leads them, in natural units: branches lie farther apart, round-off less."""
 Progress = Callable[[str, int, int], None]
 """Called with the stage, the states done and their number."""
 
@@ -91,7 +95,8 @@ def compare_methods(
     Returns
     -------
     Comparison
-        Forces by method; the closed form and the point-mass formula where they stand for the chain (`closed_forms`).
+        Forces by method; the closed form and the point-mass formula where they stand for the chain (`closed_forms`),
+        kernels where they have an answer at every instant, on the branch of the motion.
     """
     as_chain(chain)
     if not isinstance(samples, PlatformSamples):
@@ -118,6 +123,8 @@ def compare_methods(
     pose = np.hstack([samples.position, Rotation.from_matrix(samples.rotation).as_quat()])
 
     notes: list[str] = []
+    turning = [chain.mechanism.joint(name).kind is JointKind.REVOLUTE for name in chain.motors]
+    followed = np.array([state.q[chain.motor_q_index] for state in states]).reshape(len(states), chain.nu)
 
     def array_forces(variant: ClosedChain) -> FloatArray | None:
         try:
@@ -125,7 +132,26 @@ def compare_methods(
         except UnsupportedError as error:
             notes.append(f"no kernels: {error}")
             return None
-        return compiled and compiled.inverse_dynamics(pose, samples.twist, samples.acceleration)
+        if compiled is None:
+            return None
+        codes = np.zeros((2, len(samples)), dtype=np.int8)
+        own = compiled.inverse_kinematics(pose, status=codes[0])
+        forces = compiled.inverse_dynamics(pose, samples.twist, samples.acceleration, status=codes[1])
+        refused = (codes != StateStatus.OK).any(axis=0)
+        if refused.any():
+            first = int(np.argmax(refused))
+            code = StateStatus(int(codes[:, first].max())).name
+            where = f"the first at {samples.time[first]:g} s: {code}"
+            notes.append(
+                f"no kernels: from home they have no answer at {refused.sum()} of {len(samples)} instants, {where}"
+            )
+            return None
+        apart = (own - followed) / chain.tangent_scale[chain.motor_index]
+        apart[:, turning] = np.sin(apart[:, turning] / 2)
+        if np.abs(apart).max(initial=0.0) > _ANOTHER_BRANCH:
+            notes.append("no kernels: from home they reach another branch than the motion that is followed")
+            return None
+        return forces
 
     def forces_of(variant: ClosedChain, stage: str) -> FloatArray:
         forces = array_forces(variant)
@@ -178,11 +204,12 @@ def spread(forces: Mapping[str, FloatArray]) -> float:
     Returns
     -------
     float
-        Largest difference between two methods, relative to the largest force of all.
+        Largest difference between two methods, relative to the largest force of all; nan where one has no number.
     """
     stack = np.stack(list(forces.values()))
-    largest = np.abs(stack).max()
-    return float(np.ptp(stack, axis=0).max() / largest) if largest > 0 else 0.0
+    largest = np.abs(stack).max(initial=0.0)
+    # A nan is not zero, and stays.
+    return float(np.ptp(stack, axis=0).max() / largest) if largest != 0 else 0.0
 
 
 def _point_legs(chain: ClosedChain) -> ClosedChain:
