@@ -169,7 +169,9 @@ class ClosedChain:
     def hinge_q_index(self) -> np.ndarray:
         """Index of each angle of a hinge in the configuration, whose whole turns count."""
         joints = self.model.joints[1:]
-        return np.array([j.idx_q for j in joints if j.nq == j.nv == 1 and self.angle_mask[j.idx_v]], dtype=int)
+        return np.array(
+            [j.idx_q for j in joints if j.nq == j.nv == 1 and self.angle_mask[j.idx_v]], dtype=int
+        )
 
     @property
     def platform_link(self) -> str:
