@@ -24,7 +24,7 @@ from stewart_pin.state.state import State, as_chain
 from stewart_pin.typing import FloatArray
 
 _ANOTHER_BRANCH = 1e-6
-"""How far motors may be from where the motion leads them, in natural units: branches lie farther apart, round-off less."""
+"""How far motors may be from where the motion leads them, in natural units: other branches lie farther away."""
 Progress = Callable[[str, int, int], None]
 """Called with the stage, the states done and their number."""
 
