@@ -15,6 +15,12 @@ from tests.closed_states import robot
 Ask = Callable[[stp.ClosedChain], Any]
 REST = np.zeros(3)
 
+
+def still(times: int, poses: int) -> stp.motions.PlatformSamples:
+    place = np.zeros((poses, 3)), np.tile(np.eye(3), (poses, 1, 1))
+    return stp.motions.PlatformSamples(np.arange(float(times)), *place, *np.zeros((2, poses, 6)))
+
+
 CALLS: tuple[tuple[Ask, str], ...] = (
     (lambda c: stp.close_loops(c, c.q_home, max_iterations="many"), "max_iterations must be a whole number"),  # pyright: ignore[reportArgumentType]
     (
@@ -52,6 +58,18 @@ CALLS: tuple[tuple[Ask, str], ...] = (
     ),
     (lambda c: stp.control.LegPID(c, lambda t: t, kp="high"), "kp must be a number or have shape"),  # pyright: ignore[reportArgumentType]
     (lambda c: stp.control.LegPID(c, lambda t: t, kd=-1.0), "kd must be 0 or more"),  # pyright: ignore[reportArgumentType]
+    (
+        lambda c: stp.control.LegPID(c, still(2, 2)),
+        "reference must be a function of instants .*spline_motion",
+    ),  # pyright: ignore[reportArgumentType]
+    (
+        lambda c: stp.control.Feedforward(c, still(2, 2)),
+        "reference must be a function .* got PlatformSamples",
+    ),  # pyright: ignore[reportArgumentType]
+    (lambda c: stp.control.ComputedTorque(c, still(2, 2)), "reference must be a function of instants"),  # pyright: ignore[reportArgumentType]
+    (lambda c: stp.control.GravityCompensation("c"), "must be a ClosedChain .* got str"),  # pyright: ignore[reportArgumentType]
+    (lambda c: stp.control.SampledController("c", None), "must be a ClosedChain .* got str"),  # pyright: ignore[reportArgumentType]
+    (lambda c: still(3, 2), r"position must have shape \(3, 3\), one row for each of 3 times, got \(2, 3\)"),
 )
 
 

@@ -18,6 +18,7 @@ from stewart_pin.errors import (
 )
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.kernels.kernels import Kernels, compile_kernels
+from stewart_pin.model.description import Coupling, JointKind
 from stewart_pin.programs.arrays import SingleState
 from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.passes import prepare
@@ -50,7 +51,7 @@ def kernels_for(chain: ClosedChain, states: int, wanted: bool | None = None) -> 
         Number of states.
     wanted
         False: never; True: always, or the error that says why not; None: for more than a handful of states, and where
-        CasADi is installed and the chain can be compiled.
+        CasADi is installed, the chain can be compiled and its poses tell its states.
 
     Returns
     -------
@@ -62,7 +63,7 @@ def kernels_for(chain: ClosedChain, states: int, wanted: bool | None = None) -> 
     MissingExtraError
         If kernels are wanted and CasADi is not installed.
     UnsupportedError
-        If kernels are wanted and the chain cannot be compiled.
+        If kernels are wanted and the chain cannot be compiled, or has a coupling that counts turns.
     InputError
         If `wanted` is neither True, False nor None.
     """
@@ -70,11 +71,34 @@ def kernels_for(chain: ClosedChain, states: int, wanted: bool | None = None) -> 
     if wanted is False or (wanted is None and states < HANDFUL):
         return None
     try:
+        counting = _counts_turns(chain)
+        if counting is not None:
+            raise UnsupportedError(
+                f"coupling '{counting.name}' counts whole turns, which a pose does not tell: a motion is followed "
+                "from state to state"
+            )
         return _compiled(chain)
     except (MissingExtraError, UnsupportedError):
         if wanted:
             raise
         return None
+
+
+def _counts_turns(chain: ClosedChain) -> Coupling | None:
+    """Find a coupling by which a whole turn of one joint is something else than whole turns of the other.
+
+    A loop sees sines and cosines alone. But a gear of 2.6 stands elsewhere after a turn, and a screw after many: the
+    state at a pose is then that of the way there, where kernels go from home.
+    """
+    for coupling in chain.mechanism.couplings:
+        if coupling.joint2 is None:
+            continue
+        kinds = [chain.mechanism.joint(name).kind for name in (coupling.joint1, coupling.joint2)]
+        ratio = np.trim_zeros(coupling.polynomial[1:], "b")
+        one_to_one = len(ratio) == 1 and abs(ratio[0]) == 1.0 and kinds[0] is kinds[1]
+        if len(ratio) and JointKind.REVOLUTE in kinds and not one_to_one:
+            return coupling
+    return None
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_effor
 from stewart_pin.mechanics.kinematics import forward_kinematics, platform_acceleration, platform_motion
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.state import State
+from stewart_pin.state.state import State, as_chain
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 Reference = Callable[[FloatArray], PlatformSamples]
@@ -39,6 +39,9 @@ class GravityCompensation(Brief):
     """
 
     chain: ClosedChain
+
+    def __post_init__(self) -> None:
+        as_chain(self.chain)
 
     def __call__(self, t: float, q: Configuration, v: Tangent) -> FloatArray:
         """Return the efforts (nu,) that hold the chain at rest [N or N m]."""
@@ -64,6 +67,7 @@ class Feedforward(Brief):
     model: str = "full"
 
     def __post_init__(self) -> None:
+        _require_reference(self.chain, self.reference)
         _require_model(self.model)
         if self.model == "point_mass":
             point_of(self.chain)  # refuses a platform without mass here, not in the midst of a run
@@ -110,6 +114,7 @@ class LegPID(Brief):
     feedforward: Callable[[float, Configuration, Tangent], FloatArray] | None = None
 
     def __post_init__(self) -> None:
+        _require_reference(self.chain, self.reference)
         for name in ("kp", "ki", "kd", "integral_limit"):
             as_spread(name, getattr(self, name), self.chain.nu)
 
@@ -210,6 +215,7 @@ class ComputedTorque(Brief):
     motor_inertia: ArrayLike = 0.0
 
     def __post_init__(self) -> None:
+        _require_reference(self.chain, self.reference)
         _require_model(self.model)
         as_spread("motor_inertia", self.motor_inertia, self.chain.nu)
         if self.model == "point_mass":
@@ -269,6 +275,7 @@ class SampledController(Brief):
     resolution: float = 0.0
 
     def __post_init__(self) -> None:
+        as_chain(self.chain)
         as_positive("rate", self.rate)
         if not 0 <= self.resolution < np.inf:
             raise InputError(f"resolution must be 0 or more, got {self.resolution}")
@@ -325,6 +332,16 @@ class _MotorReference:
             chain, want.pose(0), want.twist[0], want.acceleration[0], q_guess=q, limits=False
         )
         return state.q[chain.motor_q_index], state.v[chain.motor_index]
+
+
+def _require_reference(chain: ClosedChain, reference: object) -> None:
+    as_chain(chain)
+    if not callable(reference):
+        raise InputError(
+            "reference must be a function of instants that gives PlatformSamples, such as "
+            f"functools.partial(motions.sinusoidal_motion, home=home), got {type(reference).__name__}; of poses at "
+            "instants, functools.partial(motions.spline_motion, knots=instants, poses=poses) makes one"
+        )
 
 
 def _require_model(model: str) -> None:

@@ -37,6 +37,8 @@ _CLOSED_FORM = 100
 """States that the closed form does in the time that the one-state verbs take for one."""
 _CHUNK = 1 << 16
 """States in one call of a kernel: 20 MB of Jacobians."""
+_QUARTER = np.pi / 2
+"""Angle between two instants up to which the nearest whole turn is the one that a motor has made [rad]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -122,8 +124,9 @@ def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool 
     -------
     MotorDemand
         Positions, rates and efforts, and by which method. Without kernels in closed form where one stands for the chain
-        (`closed_forms`), and state by state for other chains; so too where the chain cannot be compiled, or kernels
-        have no answer for a state, so that the error names it.
+        (`closed_forms`), and state by state for other chains; so too where the chain cannot be compiled, has a coupling
+        that counts turns, such as a thread or a gear, where a motor turns by more than a quarter between two instants,
+        or where kernels have no answer for a state.
 
     Raises
     ------
@@ -161,7 +164,7 @@ def demand_kernels(chain: ClosedChain, states: float, wanted: bool | None) -> Ke
     Returns
     -------
     Kernels or None
-        Kernels, or None where a demand is better computed without, or the chain has none.
+        Kernels, or None where a demand is better computed without, or the chain has none that know its turns.
     """
     closed_form = wanted is None and leg_form(chain, "leg_efforts") is not None
     try:
@@ -170,7 +173,9 @@ def demand_kernels(chain: ClosedChain, states: float, wanted: bool | None) -> Ke
         return None
 
 
-def demands_by_kernels(kernels: Kernels, motions: Sequence[PlatformSamples]) -> list[MotorDemand | int]:
+def demands_by_kernels(
+    kernels: Kernels, motions: Sequence[PlatformSamples]
+) -> list[MotorDemand | int | None]:
     """Compute the demands of several motions, all states at once.
 
     Parameters
@@ -182,9 +187,9 @@ def demands_by_kernels(kernels: Kernels, motions: Sequence[PlatformSamples]) -> 
 
     Returns
     -------
-    list of MotorDemand or int
-        For each motion its demand, bit for bit the same in any company, or the index of its first state that the
-        kernels have no answer for.
+    list of MotorDemand, int or None
+        For each motion its demand, bit for bit the same in any company; the index of its first state whose pose is out
+        of reach of a leg; or None where it has to be followed from state to state.
     """
     ends = np.cumsum([len(samples) for samples in motions])
     pose = _poses(motions)
@@ -202,15 +207,21 @@ def demands_by_kernels(kernels: Kernels, motions: Sequence[PlatformSamples]) -> 
     turning = [
         joint.kind is JointKind.REVOLUTE for joint in map(kernels.chain.mechanism.joint, kernels.chain.motors)
     ]
-    found: list[MotorDemand | int] = []
+    found: list[MotorDemand | int | None] = []
     for samples, end in zip(motions, ends, strict=True):
         part = slice(end - len(samples), end)
         if not answered[part].all():
-            found.append(int(np.argmin(answered[part])))
+            # What Newton steps from home do not find may be found from the state before.
+            lost = codes[0, part] != StateStatus.OK
+            found.append(int(np.argmax(lost)) if kernels.by_legs and lost.any() else None)
             continue
         if any(turning):
             # Angles are those of home's branch; they go on where a motor has turned further.
-            positions[part, turning] = np.unwrap(positions[part, turning], axis=0)
+            angles = np.unwrap(positions[part, turning], axis=0)
+            if np.abs(np.diff(angles, axis=0)).max(initial=0.0) > _QUARTER:
+                found.append(None)
+                continue
+            positions[part, turning] = angles
         found.append(
             MotorDemand(
                 samples.time, positions[part], rates[part], efforts[part], kernels.chain, samples, "kernels"
@@ -231,7 +242,7 @@ def demand_by_formula(
     samples
         Motion of the platform.
     suspect
-        Index of a state that probably has no answer: it is looked at first, so that the error comes soon.
+        Index of a state that no leg reaches, by its closed form: it is looked at first, so that the error comes soon.
 
     Returns
     -------
@@ -254,7 +265,6 @@ def demand_by_formula(
         out_of_reach = _reach(chain, *(values.tobytes() for values in place))
         if out_of_reach is not None:
             raise out_of_reach.with_traceback(None)
-        _one_state(chain, samples, suspect, chain.q_home)
     return _state_by_state(chain, samples)
 
 

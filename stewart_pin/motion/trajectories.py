@@ -16,6 +16,15 @@ from stewart_pin.errors import InputError
 from stewart_pin.state.chain import as_pose
 from stewart_pin.typing import ArrayLike, FloatArray
 
+_SIZES: dict[str, tuple[int, ...]] = {
+    "time": (),
+    "position": (3,),
+    "rotation": (3, 3),
+    "twist": (6,),
+    "acceleration": (6,),
+}
+"""Shape of each array of a motion at one instant."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PlatformSamples(Brief):
@@ -33,6 +42,11 @@ class PlatformSamples(Brief):
         (N, 6) velocity of the origin and angular velocity, world axes [m/s, rad/s].
     acceleration
         (N, 6) acceleration of the origin and angular acceleration, world axes [m/s², rad/s²].
+
+    Raises
+    ------
+    InputError
+        If the arrays are not of as many instants, or of other shapes.
     """
 
     time: FloatArray
@@ -40,6 +54,15 @@ class PlatformSamples(Brief):
     rotation: FloatArray
     twist: FloatArray
     acceleration: FloatArray
+
+    def __post_init__(self) -> None:
+        count = np.size(self.time)
+        for name, size in _SIZES.items():
+            found = np.shape(getattr(self, name))
+            if found != (count, *size):
+                raise InputError(
+                    f"{name} must have shape {(count, *size)}, one row for each of {count} times, got {found}"
+                )
 
     def __len__(self) -> int:
         return self.time.size

@@ -32,6 +32,7 @@ _WHEREVER_HOME_IS = (
     + (
         "tangent_scale",
         "angle_mask",
+        "hinge_q_index",
         "row_sizes",
         "row_scale",
         "inertia_scale",
@@ -163,6 +164,14 @@ class ClosedChain:
         """(nu,) index of each motor in the configuration."""
         joints = [self.model.joints[self.model.getJointId(name)] for name in self.motors]
         return np.array([joint.idx_q for joint in joints], dtype=int)
+
+    @cached_property
+    def hinge_q_index(self) -> np.ndarray:
+        """Index of each angle of a hinge in the configuration, whose whole turns count."""
+        joints = self.model.joints[1:]
+        return np.array(
+            [j.idx_q for j in joints if j.nq == j.nv == 1 and self.angle_mask[j.idx_v]], dtype=int
+        )
 
     @property
     def platform_link(self) -> str:

@@ -159,9 +159,14 @@ class State:
 
     @once
     def round_off(self) -> float:
-        """What round-off makes of a gap, in robot sizes, dimensionless: more where the robot stands far away."""
+        """What round-off makes of a gap, in robot sizes, dimensionless: more where the robot stands far away.
+
+        More after many turns as well: the sine of an angle is no better than the angle.
+        """
+        chain = self.chain
         reach = float(np.abs(self.loops.origin2).max(initial=0.0))
-        return ROUND_OFF_STEPS * EPS * max(1.0, reach / self.chain.length_scale)
+        turned = float(np.abs(self.q[chain.hinge_q_index]).max(initial=0.0))
+        return ROUND_OFF_STEPS * EPS * max(1.0, reach / chain.length_scale, turned)
 
     # -- platform ------------------------------------------------------------------------------------------------
 

@@ -24,8 +24,7 @@ from stewart_pin.state.state import State, as_chain
 from stewart_pin.typing import FloatArray
 
 _ANOTHER_BRANCH = 1e-6
-"""How far motors may be from where the motion leads them, in natural units: more than round-off, less than the way to
-another branch."""
+"""How far motors may be from where the motion leads them, in natural units: other branches lie farther away."""
 Progress = Callable[[str, int, int], None]
 """Called with the stage, the states done and their number."""
 
@@ -125,7 +124,7 @@ def compare_methods(
 
     notes: list[str] = []
     turning = [chain.mechanism.joint(name).kind is JointKind.REVOLUTE for name in chain.motors]
-    followed = np.array([state.q[chain.motor_q_index] for state in states]).reshape(-1, chain.nu)
+    followed = np.array([state.q[chain.motor_q_index] for state in states]).reshape(len(states), chain.nu)
 
     def array_forces(variant: ClosedChain) -> FloatArray | None:
         try:

@@ -231,7 +231,7 @@ class _Batch:
         known: dict[int, MotorDemand] = {}
         found = demands_by_kernels(kernels, [case.samples for case in self.cases])
         for k, case, demand in zip(self.numbers, self.cases, found, strict=True):
-            if isinstance(demand, int):  # an error, most likely, which the verbs of one state can word
+            if demand is None or isinstance(demand, int):  # an error, or a motion to be followed
                 demand = ask(partial(demand_by_formula, case.chain, case.samples, suspect=demand), case.point)
             if isinstance(demand, NoAnswer):
                 answers[k] = demand

@@ -23,6 +23,7 @@ from tests.closed_states import (
 )
 from tests.kernels.test_compile import kernels, platform_states
 from tests.singular_robots import in_line
+from tests.zoo.table import zoo_chain
 
 AGREE = 1e-10
 
@@ -217,3 +218,15 @@ def test_a_singular_home_is_singular_in_motor_coordinates_too() -> None:
     assert status.tolist() == [StateStatus.SINGULAR, StateStatus.SINGULAR, StateStatus.OK]
     # Half the weights of the distal links, across a line that sags by the root of what the knees come closer.
     assert np.isnan(found[:2]).all() and 5e3 < abs(found[2, 0]) < 7e3
+
+
+@pytest.mark.parametrize("name", ["four_bar", "bennett"])
+def test_motors_may_stand_many_turns_from_home(name: str) -> None:
+    chain = stp.load(name) if name == "four_bar" else zoo_chain(name)
+    kernels = stp.compile_kernels(chain, coordinates="motor")
+    turns = np.array([[0.0], [13.0], [-40.0]])
+    status = np.zeros(3, dtype=np.int8)
+    at = chain.q_home[chain.motor_q_index] + 0.3 + 2 * np.pi * turns
+    efforts = kernels.inverse_dynamics(at, np.ones((3, 1)), np.zeros((3, 1)), status=status)
+    assert not status.any()
+    np.testing.assert_allclose(efforts, efforts[:1].repeat(3, axis=0), rtol=1e-9)

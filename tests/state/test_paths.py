@@ -11,6 +11,7 @@ from stewart_pin.errors import ClosureError
 from stewart_pin.state.newton import displaced
 from stewart_pin.state.paths import pose_path
 from tests.closed_states import robot
+from tests.zoo.table import zoo_chain
 
 STEPS = 300
 """Small steps of the continuation that judges: a tenth of the reach of Newton's method where the path is steepest."""
@@ -91,3 +92,17 @@ def test_demands_just_before_a_fold_are_met() -> None:
     for beyond in (1e-5, 1e-4, 1e-2):
         with pytest.raises(ClosureError, match="ends"):
             stp.forward_kinematics(chain, (1 + beyond) * fold, limits=False)
+
+
+@pytest.mark.parametrize("name", ["four_bar", "crank_rocker", "bennett"])
+def test_turns_cost_digits_and_no_answers(name: str) -> None:
+    """After 100 000 turns an angle is known to 1e-10: the same configurations are closed, and reached from there."""
+    chain = stp.load(name) if name == "four_bar" else zoo_chain(name)
+    motor = chain.motor_q_index
+    for more in (0.3, 0.7, 1.1, 1.6):
+        far = stp.forward_kinematics(chain, chain.q_home[motor] + more, limits=False).q.copy()
+        far[motor] += 2e5 * np.pi
+        assert stp.close_loops(chain, far).iterations <= 2
+        there = stp.forward_kinematics(chain, far[motor] + 0.2, q_guess=far, limits=False)
+        back = stp.inverse_kinematics(chain, stp.platform_pose(chain, far), q_guess=there.q, limits=False)
+        np.testing.assert_allclose(back.q, far, rtol=0, atol=1e-7)

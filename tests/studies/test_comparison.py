@@ -7,6 +7,8 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.studies.comparison import spread
+from tests.motion.turning import turning
+from tests.zoo.table import zoo_chain
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +76,19 @@ def test_spread_is_relative_to_the_largest_force() -> None:
     one, other = np.array([[1.0, -4.0]]), np.array([[1.5, -4.0]])
     assert spread({"a": one, "b": other}) == pytest.approx(0.5 / 4.0)
     assert spread({"a": 0 * one}) == 0.0
+    assert np.isnan(spread({"a": one, "b": np.nan * one}))
+
+
+@pytest.mark.parametrize(
+    ("chain", "turns", "why"),
+    [(stp.load("four_bar"), 1.0, "no answer at"), (zoo_chain("planetary_gear"), 2.34, "counts whole turns")],
+)
+def test_kernels_that_lose_the_motion_are_no_method(chain: stp.ClosedChain, turns: float, why: str) -> None:
+    """They start at home: behind a dead centre, or after a turn of a gear, they have none or another state."""
+    samples = turning(chain, turns, 60)[0]
+    plain = stp.compare_methods(chain, samples, kernels=False)
+    found = stp.compare_methods(chain, samples, kernels=True)
+    assert set(found.forces) == set(plain.forces) and any(why in note for note in found.notes)
+    assert found.agreement == plain.agreement
+    for part, share in plain.contributions.items():
+        np.testing.assert_array_equal(found.contributions[part], share)

@@ -28,8 +28,8 @@ _SHORTEST = 1e-5
 """Share of a path below which a stretch is not shortened any more: there is a singularity."""
 _NONE = np.zeros(1)
 """Contraction before the first step."""
-_STRETCHES = 400
-"""Stretches after which a path is given up."""
+_STRETCHES = 10_000
+"""Stretches after which a path is given up: five for a radian, so that three hundred turns are followed."""
 _PATIENCE = 50
 """Stretches after which another choice of pivots is asked for though some rows are still on their way."""
 
