@@ -62,7 +62,8 @@ def reactions_function(placed: PlacedPlatform) -> ca.Function:
     -------
     casadi.Function
         ``(pose, twist, acceleration) -> lambda_c``, (7, 1), (6, 1), (6, 1) to (nc, 1): what the closures do to link 2,
-        row by row in loop frame 1, of least norm where rows are redundant; with `infeasible` as inverse dynamics.
+        row by row in loop frame 1, of least norm in natural units where rows are redundant; with `infeasible` as
+        inverse dynamics.
 
     Raises
     ------
@@ -155,9 +156,18 @@ def _tied(placed: PlacedPlatform, ties: _Ties, reactions: ca.SX, missing: ca.SX)
     if share.shape[0] == share.shape[1]:
         sizes = solve_square(share, right, placed.values(share), "what holds the platform")[0]
     else:
-        counted = ties.counted
+        counted = ca.diag(constant(_natural(placed))) @ ties.counted
         sizes = _least(placed, counted @ ties.reactions[:, rest], counted @ reactions, share, right)
     return reactions + ties.reactions[:, rest] @ sizes
+
+
+def _natural(placed: PlacedPlatform) -> FloatArray:
+    """By what the counted reactions are multiplied to be forces all, moments over the size of the robot."""
+    length, sizes = placed.plan.chain.length_scale, []
+    for leg in placed.legs:
+        sizes += [1.0 for end in leg.leg.ends if end.loop.index for _ in range(3)]
+        sizes += [1.0 / length for end, _ in _hinges(leg) if end.loop.index for _ in range(2)]
+    return np.array(sizes)
 
 
 def _held_by(
