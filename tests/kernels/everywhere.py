@@ -20,7 +20,7 @@ import stewart_pin as stp
 from stewart_pin.errors import ClosureError, InputError, SingularityError, UnsupportedError
 from stewart_pin.kernels.graph.driven_tree import integrated
 from stewart_pin.kernels.graph.loop_rows import opposed_axes
-from stewart_pin.kernels.graph.platform_frame import platform_bias, platform_columns
+from stewart_pin.kernels.graph.platform_kinematics import platform_bias, platform_columns
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree
 from stewart_pin.kernels.planning.spatial import shared
 from stewart_pin.kernels.verbs.configurations import as_poses

@@ -17,7 +17,7 @@ from stewart_pin.kernels.graph.driven_tree import (
     driven_forward_dynamics,
     driven_inverse_dynamics,
 )
-from stewart_pin.kernels.graph.platform_frame import platform_columns
+from stewart_pin.kernels.graph.platform_kinematics import platform_columns
 from stewart_pin.kernels.graph.whole_tree import close_tree
 from tests.closed_states import close, random_configuration
 from tests.kernels.platforms import skew_rods

@@ -18,7 +18,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import StewartPinError
 from stewart_pin.model.description import JointKind
-from stewart_pin.model.loop_table import AngleRow, NormalRow
+from stewart_pin.model.loop_rows import AngleRow, NormalRow
 from tests.closed_states import random_configuration, random_motion
 from tests.mechanisms import gear_train, two_bodies
 

@@ -19,7 +19,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.joint_motion import turned_by_small
 from stewart_pin.kernels.graph.loop_rows import loop_gaps, opposed_axes
 from stewart_pin.kernels.graph.newton_steps import Approach, NewtonEquations, any_direction
-from stewart_pin.kernels.graph.platform_frame import platform_bias, platform_columns, platform_placement
+from stewart_pin.kernels.graph.platform_kinematics import platform_bias, platform_columns, platform_placement
 from stewart_pin.kernels.graph.whole_tree import (
     ClosedTree,
     motor_columns,

@@ -23,7 +23,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.displaced_tree import displaced_tree
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.loop_rows import loop_gaps
-from stewart_pin.kernels.graph.platform_frame import platform_bias, platform_columns, platform_placement
+from stewart_pin.kernels.graph.platform_kinematics import platform_bias, platform_columns, platform_placement
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, motor_columns, tree_bias
 from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots
 from stewart_pin.kernels.planning.samples import closed_samples, idle_moved

@@ -21,7 +21,7 @@ from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.held_motion import HeldMotion
 from stewart_pin.kernels.graph.leg_reactions import holding_share
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
-from stewart_pin.kernels.graph.platform_frame import platform_pose_function
+from stewart_pin.kernels.graph.platform_kinematics import platform_pose_function
 from stewart_pin.kernels.graph.regressor import driven_regressor, platform_regressor, tree_regressor
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.graph.whole_tree import motor_columns as tree_motor_columns
