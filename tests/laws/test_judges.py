@@ -189,20 +189,20 @@ PLACES = (
     ),
     Place("kernels.graph.joint_motion", "joint_velocity", "axis of a slide", joint_of(other_axis)),
     Place("kernels.graph.joint_motion", "joint_placement", "axis of a slide", joint_of(other_axis)),
-    Place("kernels.graph.joint_efforts", "joint_effort", "axis of a slide", joint_of(other_axis)),
-    Place("kernels.graph.joint_efforts", "moments_of", "sign", after(lambda m: -m)),
+    Place("kernels.graph.joint_motion", "joint_effort", "axis of a slide", joint_of(other_axis)),
+    Place("kernels.graph.joint_motion", "moments_of", "sign", after(lambda m: -m)),
     Place("kernels.planning.tree", "masses_of", "sign of the lever", after(less_inertia)),
     # maximal coordinates
     Place(
-        "mechanics.constraint_matrix.closures",
+        "mechanics.constraint_matrix.columns",
         "transmitted",
         "reactions in another order",
         after(lambda t: (t[1], t[0], *t[2:])),
         "spherical",
     ),
-    Place("mechanics.constraint_matrix.closures", "transmitted", "axis", loop_of(other_axis), "planar"),
+    Place("mechanics.constraint_matrix.columns", "transmitted", "axis", loop_of(other_axis), "planar"),
     Place(
-        "mechanics.constraint_matrix.closures",
+        "mechanics.constraint_matrix.columns",
         "_beside",
         "sign of the second",
         after(lambda b: (b[0], -b[1])),
@@ -220,15 +220,15 @@ PLACES = (
         "a column left out",
         after(lambda c: replace(c, wrenches=c.wrenches[:, 1:], acceleration=c.acceleration[1:])),
     ),
-    Place("mechanics.constraint_matrix.spatial", "cross_force", "sign", after(lambda f: -f)),
+    Place("mechanics.constraint_matrix.kinematics", "cross_force", "sign", after(lambda f: -f)),
     Place(
-        "mechanics.constraint_matrix.spatial",
+        "mechanics.constraint_matrix.kinematics",
         "force_at",
         "sign of the arm",
         lambda right: lambda point, *args: right(-point, *args),
     ),
     Place(
-        "mechanics.constraint_matrix.couplings",
+        "mechanics.constraint_matrix.system",
         "coupling_parts",
         "sign of the ratio",
         after(lambda p: [p[0], (*p[1][:2], replace(p[1][2], wrenches=-p[1][2].wrenches))]),
@@ -237,18 +237,18 @@ PLACES = (
     # articulated bodies
     Place("mechanics.articulated_body.bodies", "motion_subspace", "axis of a slide", joint_of(other_axis)),
     Place(
-        "mechanics.articulated_body.loop_wrenches",
+        "mechanics.articulated_body.loops",
         "loop_wrenches",
         "sign on body 1",
         after(lambda x: replace(x, wrench1=-x.wrench1)),
     ),
     Place(
-        "mechanics.articulated_body.loop_wrenches",
+        "mechanics.articulated_body.loops",
         "loop_wrenches",
         "bias",
         after(lambda x: replace(x, bias=-x.bias)),
     ),
-    Place("mechanics.articulated_body.spatial_vectors", "cross_motion", "sign", after(lambda x: -x)),
+    Place("mechanics.articulated_body.bodies", "cross_motion", "sign", after(lambda x: -x)),
 )
 
 
