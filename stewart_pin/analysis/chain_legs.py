@@ -1,4 +1,4 @@
-"""Leg lengths of a chain at one orientation, point by point: where no closed form stands for its legs."""
+"""Leg lengths of a chain at one orientation, point by point, where no closed form stands for its legs; closed paths."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which bodies a chain connects by which joints at home, seen from the world, for readers of closed-form geometry."""
+"""Which bodies a chain connects by which joints at home, seen from the world; and its loops closed by balls instead."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a closed chain to files that other software reads."""
+"""From a closed chain to files that other software reads, and to the same mechanism with displaced geometry."""
 
 from __future__ import annotations
 

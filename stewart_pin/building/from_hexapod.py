@@ -1,4 +1,4 @@
-"""From twelve points and three bodies to a closed chain with six UPS or SPS legs."""
+"""From twelve points, of a text table too, and three bodies to a closed chain with six UPS or SPS legs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bodies of a hexapod, read off its chain for the closed form."""
+"""The bodies of a hexapod: read off its chain for the closed form, or made from three masses."""
 
 from __future__ import annotations
 

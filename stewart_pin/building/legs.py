@@ -1,4 +1,4 @@
-"""The three legs of a planar 3-RPR platform, read off its chain for the closed forms."""
+"""Legs read off a chain for the closed forms: of a planar 3-RPR platform, and cranks and rods of a rotary one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a file to a closed chain."""
+"""From a file to a closed chain: the bundled robots, and the roles of motors and platform as well."""
 
 from __future__ import annotations
 

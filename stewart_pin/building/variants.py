@@ -1,4 +1,4 @@
-"""The same mechanism with other masses, without touching its file."""
+"""The same mechanism with other masses, with its ground set free, or with joints locked, without touching its file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What all commands share: the console, the progress line, the JSON file."""
+"""What all commands share: the console, the progress line, the JSON file, ranges of values, the pose asked for."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""``simulate``: let a robot move, freely or under a controller that shakes it, and account for its energy."""
+"""``simulate``: let a robot move, freely or under a controller that shakes it, and account for its energy.
+
+What ``shake`` needs as well stands first.
+"""
 
 from __future__ import annotations
 

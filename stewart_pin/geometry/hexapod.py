@@ -1,7 +1,8 @@
-"""Closed forms of six-legged platforms (UPS and SPS legs), for any batch shape.
+"""Closed forms of six-legged platforms (UPS and SPS legs), for any batch shape, and the usual designs.
 
 Leg *i* runs from base point *i* (base frame) to platform point *i* (platform frame). Nothing here touches
-Pinocchio: these formulas are the oracle for the rest of the package.
+Pinocchio: these formulas are the oracle for the rest of the package. The semi-regular, the 6-3 and the cubic design
+stand below.
 
 References
 ----------

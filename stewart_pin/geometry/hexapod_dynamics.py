@@ -2,7 +2,8 @@
 
 Newton and Euler, leg by leg: the balance of moments about its lower joint gives the force that a leg passes
 across its own line to the platform; what is then left of the platform's balance gives the six forces along
-the legs. No coordinates, no tree, no multipliers: an oracle for formulations that have them.
+the legs. No coordinates, no tree, no multipliers: an oracle for formulations that have them. The bodies that
+it takes stand below.
 """
 
 from __future__ import annotations

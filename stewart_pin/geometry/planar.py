@@ -1,4 +1,4 @@
-"""Closed forms of the planar 3-RPR platform, for any batch shape.
+"""Closed forms of the planar 3-RPR platform, for any batch shape, and Newton's method on its leg equations.
 
 Leg *i* runs from a fixed anchor to a corner of the platform; its length is driven. A pose is the position of
 the platform frame's origin and the angle of its x axis, both in the base frame.

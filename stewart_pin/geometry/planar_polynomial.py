@@ -2,7 +2,8 @@
 
 In complex numbers, with z = exp(iθ), w the vector along the first leg, and anchors b and corners d counted
 from those of the first leg, leg *i* asks for |w + z d_i - b_i| = p_i. The differences to the first leg are
-linear in w, so w = N(z) / D(z), and |w| = p_1 leaves f = |N|² - p_1² D² = 0 [1]_.
+linear in w, so w = N(z) / D(z), and |w| = p_1 leaves f = |N|² - p_1² D² = 0 [1]_. Problems near a merging of poses
+are solved below, one by one.
 
 References
 ----------

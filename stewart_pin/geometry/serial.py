@@ -1,4 +1,4 @@
-"""The planar arm with three parallel joints: all its configurations for a pose of the hand, in closed form."""
+"""Arms with three joints in closed form: the planar one, all its configurations; the spatial one, its velocities."""
 
 from __future__ import annotations
 

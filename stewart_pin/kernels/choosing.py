@@ -1,4 +1,4 @@
-"""Whether many states are worth the time of compiling kernels for them."""
+"""Whether many states are worth the time of compiling kernels for them; leg lengths on large grids among these."""
 
 from __future__ import annotations
 

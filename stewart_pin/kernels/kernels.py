@@ -1,4 +1,4 @@
-"""All verbs of a chain for arrays of states in one object."""
+"""All verbs of a chain for arrays of states in one object, how it is made, and what it tells of that."""
 
 from __future__ import annotations
 

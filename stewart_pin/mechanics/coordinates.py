@@ -1,6 +1,7 @@
 """Coordinates in which a controller sees a robot: its motors, its platform's twist, or joints chosen by name.
 
 Each is a set of rows, x_rate = rows v. Their own motion comes along: for the platform the rows turn with it.
+Between the motors and joints that linkages drive, rates and efforts are carried over.
 """
 
 from __future__ import annotations

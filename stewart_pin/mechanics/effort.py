@@ -1,4 +1,4 @@
-"""What inverse and forward dynamics answer, whatever the method."""
+"""What inverse and forward dynamics answer, whatever the method; and whether weight on a motion is more than digits."""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@ r"""The linear system that a chain is for small motions about an equilibrium.
 
 With :math:`\xi` coordinates along the motions T that keep the loops closed, :math:`\ddot\xi = A_{21}\,\xi + B_2\,δτ`.
 At rest, curvature of the motions meets no force that is not in balance already, so that the derivatives of the
-acceleration along T are all there is; velocities enter by their squares only.
+acceleration along T are all there is; velocities enter by their squares only. Stiffness on elastic motors and
+natural frequencies follow below.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ Everything follows from one equation of motion on the spanning tree,
 Where loop rows and motors are as many as the tangent has entries and far from singular, the square system
 :math:`[J_c; S]^\top` gives both unknowns at once. Elsewhere N, a basis of the motions that keep the loops closed
 (J_c N = 0), splits the equation: Nᵀ times it gives the motor efforts without the reactions, the rest the reactions.
+Efforts within limits come from a quadratic programme.
 """
 
 from __future__ import annotations

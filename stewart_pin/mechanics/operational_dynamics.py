@@ -1,4 +1,4 @@
-r"""The equation of motion in the coordinates of a controller, for any chain.
+r"""Maps from the rates of chosen coordinates to the whole chain, and its equation of motion in these coordinates.
 
 With v = G x_rate + R w, where R spans the motions that the coordinates leave at rest, and Rᵀ M G = 0, the equation
 of motion of the spanning tree times Gᵀ loses loop reactions and idle freedoms:

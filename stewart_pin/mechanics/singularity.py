@@ -15,7 +15,8 @@ kind         matrix          its rank drops where
 ===========  ==============  ================================================================
 
 The measure of each is the singular value that the usual rank makes the last one. Bases are taken by that rank and not
-by a tolerance, so that the measures are continuous along any path.
+by a tolerance, so that the measures are continuous along any path. What is lost or gained is told in words as well, by
+twists and wrenches of the platform.
 """
 
 from __future__ import annotations

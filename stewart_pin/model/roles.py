@@ -1,4 +1,4 @@
-"""Which joints of a description are motors, and in which order."""
+"""Which joints of a description are motors, in which order; which could be, and which link could be the platform."""
 
 from __future__ import annotations
 

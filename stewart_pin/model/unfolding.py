@@ -2,7 +2,8 @@
 
 Pinocchio's derivatives are wrong through its own universal and composite joints, and its wheel has no other joint of
 two freedoms, so that rows of revolute and prismatic joints stand for them. Links without inertia are no bodies: the row
-acts as the one joint that the file describes.
+acts as the one joint that the file describes. Links that move as one, and second parents, which become loops, are dealt
+with here too.
 """
 
 from __future__ import annotations

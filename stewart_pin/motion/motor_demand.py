@@ -1,4 +1,4 @@
-"""What motions of the platform ask of the motors: in closed form, by kernels for many states at once, or one by one."""
+"""What motions of the platform ask of the motors: in closed form, by kernels or one by one; and the judge of limits."""
 
 from __future__ import annotations
 

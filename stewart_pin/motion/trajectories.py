@@ -1,4 +1,4 @@
-"""Motions of a platform over time, with their exact derivatives."""
+"""Motions of a platform over time, with their exact derivatives: sinusoids, chirps, moves, splines through poses."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """A program as a function of arrays of states: checks, memory, threads, and one of two engines below.
 
-``"llvm"`` runs machine code on full vectors, ``"numpy"`` interprets the same list.
+``"llvm"`` runs machine code on full vectors, ``"numpy"`` interprets the same list. `compile_function` makes such a
+function from one of CasADi in one step.
 """
 
 from __future__ import annotations

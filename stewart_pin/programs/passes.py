@@ -1,6 +1,6 @@
 """Passes that make a program shorter without changing what it computes, beyond round-off where that is said.
 
-Each is a function from program to program; `prepared` chains them in the order that pays.
+Each is a function from program to program; `prepare` chains them in the order that pays.
 """
 
 from __future__ import annotations
@@ -170,8 +170,8 @@ _SIGNS = {Kind.ADD: _add, Kind.SUB: _sub, Kind.NEG: _neg, Kind.MUL: _mul, Kind.D
 # ----------------------------------------------------------------------------------------------------
 # Fewer divisions: one reciprocal for each denominator, none for one whose inverse follows from others
 #
-# A division takes as long as ten to twenty multiplications, and symbolic algebra writes x · (1/y) as x / y wherever it
-# appears.
+# A division takes as long as ten to twenty multiplications, and symbolic algebra writes x · (1/y) as x / y wherever
+# it appears.
 # ----------------------------------------------------------------------------------------------------
 
 

@@ -1,7 +1,7 @@
 """A straight-line program: named inputs, one operation after another, named outputs.
 
 Each operation makes one value and names the values that it needs by their index in the list, so the list is its own
-order of evaluation, and nothing is ever overwritten.
+order of evaluation, and nothing is ever overwritten. A builder puts a program together, and NumPy can run it.
 """
 
 from __future__ import annotations

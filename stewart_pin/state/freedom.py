@@ -4,7 +4,7 @@ N spans the motions that keep the loops closed (J_c N = 0); of these, the ones w
 platform rests, and a *lost* freedom when it moves. How many there are of each belongs to the mechanism and was found
 once (`Generic`); at a state exactly as many directions are taken, the largest singular values first. What lies beyond
 them is what round-off and printed digits left open; what comes near zero within them is a singularity. All
-decompositions see natural units, so that the unit of length decides nothing.
+decompositions see natural units, so that the unit of length decides nothing. How idle motions go is settled below.
 """
 
 from __future__ import annotations
@@ -376,11 +376,9 @@ def counted(axes: Sequence[str]) -> FloatArray:
 # .. math:: R^\top M v = 0, \qquad R^\top (M a + h) = 0:
 #
 # they carry no momentum, and follow their own inertia. A rod that is round about its axis u then does not turn about
-# it,
-# :math:`u \cdot \omega = 0` and :math:`u \cdot \dot\omega = 0`, as textbooks have it. Of motions without inertia, R₀,
-# on which no effort depends, the links turn least: with the angular velocities :math:`\omega_i = J_i v` of all links
-# in the
-# world,
+# it, :math:`u \cdot \omega = 0` and :math:`u \cdot \dot\omega = 0`, as textbooks have it. Of motions without inertia,
+# R₀, on which no effort depends, the links turn least: with the angular velocities :math:`\omega_i = J_i v` of all
+# links in the world,
 #
 # .. math:: R_0^\top \sum_i J_i^\top \omega_i = 0, \qquad R_0^\top \sum_i J_i^\top \dot\omega_i = 0.
 #

@@ -3,6 +3,7 @@
 The relative placement 1M2 has translation t and rotation R; V and A are the spatial velocity and acceleration of
 frame 2 relative to body 1. Along a displacement δ of frame 2 relative to frame 1, d(X V2) = δ × (X V2) + X dV2 with X
 the action of 1M2. The derivatives of the joints' own velocities and accelerations are Pinocchio's analytical ones.
+The Jacobian of the platform frame, and its rate, stand below.
 """
 
 from __future__ import annotations

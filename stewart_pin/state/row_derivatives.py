@@ -1,4 +1,4 @@
-"""Derivatives of the loop rows' rates and accelerations: what a change of configuration or velocity does to them."""
+"""Derivatives of the loop rows' rates and accelerations, and of the forces at the joints that reactions make."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pinocchio's data with views of the placements in it, and a pool of them: making one costs more than most answers."""
+"""Pinocchio's data with views of the placements in it, a pool of them, and quantities that are computed once."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a function answered at the points of a study, wherever it ran."""
+"""What a function answered at the points of a study, wherever it ran, and what tasks bring along to the workers."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Answers of a sweep in a file, so that a sweep that was stopped goes on where it was.
 
 A first line says which study it is; then comes one line per task. Lines are only ever added, each in one piece; one
-that was cut off by a kill or a full disk is taken away when the file is opened again.
+that was cut off by a kill or a full disk is taken away when the file is opened again. A ledger gathers the results as
+they come in.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The points of a study: a grid over named axes, or a list of points that the axes share."""
+"""The points of a study, a grid over named axes or a list that the axes share; and its tasks on an executor."""
 
 from __future__ import annotations
 

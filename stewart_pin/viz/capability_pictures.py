@@ -1,4 +1,4 @@
-"""Velocity and force polytopes as solids."""
+"""What a platform can do, in pictures: velocity and force polytopes, singularity maps, the workspace."""
 
 from __future__ import annotations
 

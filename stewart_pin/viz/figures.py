@@ -1,4 +1,4 @@
-"""Matplotlib, when it is installed, drawing to files without a display; and pictures of comparisons."""
+"""Matplotlib, when it is installed, drawing to files without a display; constraint matrices and comparisons."""
 
 from __future__ import annotations
 

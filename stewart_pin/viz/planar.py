@@ -1,4 +1,4 @@
-"""Pictures of the planar 3-RPR platform: its polynomial, its assembly modes, and how many there are.
+"""Pictures of the planar 3-RPR platform: polynomial, assembly modes, how many there are; and of six-legged modes.
 
 Needs Matplotlib (the extra ``plot``), which is imported on the first call.
 """

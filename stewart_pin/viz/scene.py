@@ -1,8 +1,8 @@
 """Surfaces of a robot at a closed configuration: the visuals of its URDF, and simple shapes where there are none.
 
-yourdfpy reads shapes, meshes and colours. It would place the links by its own kinematics, which knows neither loops
-nor
-ball joints; here it gets the links alone, each on the world, and the chain places them.
+yourdfpy reads shapes, meshes and colours. It would place the links by its own kinematics, which knows neither loops nor
+ball joints; here it gets the links alone, each on the world, and the chain places them. Without a screen Matplotlib
+draws them.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ F'(z̃)⁻¹,
 prove that z ↦ z - Y F(z) is a contraction of the ball of radius r about z̃, hence that exactly one solution
 lies in it. F has degree two, so the bound on F'' holds everywhere. Round-off of every evaluated sum of
 products is at most γₙ = n u / (1 - n u) times the sum of the absolute values, with n the number of
-roundings on the way of a term [2]_.
+roundings on the way of a term [2]_. What the end of a path is, and from which platforms paths start: below.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""What each assembly mode is like: side of the singularities, conditioning, legs in each other's way.
+"""Assembly modes as the search answers them, and what each is like: side of singularities, conditioning, clearance.
 
 References
 ----------

@@ -4,7 +4,8 @@ The homotopy parameter τ runs from 1 (start) to 0 (target). Each step expands e
 sums the tail of the series as a geometric one, and corrects with two Newton steps. The step length comes
 from the radius of convergence that the series shows, so it shrinks before a singular point and not after
 it; a step whose first correction is large, or whose second does not shrink quadratically, is refused: that
-is what keeps two paths apart. A path whose series foresees infinity is left there.
+is what keeps two paths apart. A path whose series foresees infinity is left there; one that is lost next to
+it is followed to its end with more digits.
 
 References
 ----------

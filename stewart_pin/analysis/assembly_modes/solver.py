@@ -1,7 +1,8 @@
 """All poses of a six-legged platform that share six leg lengths, each with a proof of its existence.
 
 A parameter homotopy in Study coordinates follows the 40 solutions of a generic complex platform to the one
-asked for [1]_; what is real among the ends is polished and certified.
+asked for [1]_; what is real among the ends is polished and certified. The search for all complex
+solutions, which takes as many start systems as it needs, stands below.
 
 References
 ----------

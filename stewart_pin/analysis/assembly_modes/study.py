@@ -13,7 +13,8 @@ equation is subtracted from the other five: with r_i = e P_i - B_i e they read
 .. math:: \langle 2 h + r_i, r_i \rangle - (l_i^2 - l_1^2) \langle e, e \rangle = 0
 
 and keep their accuracy near infinity, where e is small and ⟨h, h⟩ would drown the rest. Six such quadrics
-and the Study quadric have 40 finite complex solutions in general.
+and the Study quadric have 40 finite complex solutions in general. What tells from a Taylor series that a path
+goes to infinity stands below.
 
 References
 ----------

@@ -10,7 +10,7 @@ however many displacements there are [1]_.
 
 Idle freedoms keep their momentum at zero, Iᵀ M v = 0, where I itself depends on g. Motors to spare keep least efforts,
 tau = S u with J u = 0. Both add multiples of J(q, g) times a fixed vector to L, and the first iᵀ M(q, g) v as well,
-with a fixed idle motion i.
+with a fixed idle motion i. Derivatives by the ends of legs with closed forms have a shorter way, below.
 
 References
 ----------

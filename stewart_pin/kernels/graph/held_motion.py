@@ -5,7 +5,7 @@ state as many joint coordinates as are independent. With g the displacements, a 
 
     gap(q, g) = 0,   J(q, g) v = rates held,   J a + J̇ v = accelerations held,
 
-loop rows above rows of what is held. All are chosen on samples.
+loop rows above rows of what is held. All are chosen on samples, and so are the displacements that leave a mechanism.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Motion of every body of the tree, from its joints, each in its own axes.
+"""Motion of every body of the tree, from its joints, each in its own axes; and joint efforts from wrenches on them.
 
 Accelerations are classical ones of the body's origin, less that of free fall, so that no velocity of an origin
 enters the dynamics. Where Pinocchio's spatial acceleration of a floating joint enters, ω × v is added.

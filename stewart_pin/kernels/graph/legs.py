@@ -1,4 +1,4 @@
-"""A leg at a pose: its joints, the Jacobian of its ends, and joint rates from their motion.
+"""A leg at a pose of the platform: its joints, the Jacobian of its ends, and joint rates from their motion.
 
 The balls at the ends of a leg are released along the axes of the leg's last body, where the Jacobian of the usual leg
 is diagonal. With J the Jacobian of the ends, in those axes,

@@ -1,4 +1,4 @@
-"""The rows that close the loops, as wrenches on the two bodies: columns of J_cᵀ, and their bias J̇_c v.
+"""The rows that close the loops, as wrenches on the two bodies: columns of J_cᵀ, their bias J̇_c v, and the gaps.
 
 A row that holds a direction is a unit force along it at the origin of loop frame 2, on body 2 and reversed on body 1;
 an angle row is a couple. Carried down the tree they are the rows of the loop Jacobian.

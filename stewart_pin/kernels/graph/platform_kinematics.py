@@ -1,4 +1,8 @@
-"""Kinematics in platform coordinates: motor positions of a pose, the motor Jacobian, and the equations back."""
+"""Kinematics in platform coordinates: motor positions of a pose, the motor Jacobian, and the equations back.
+
+Where the motors set lengths of legs, the equations back are those of squared lengths. Of a whole tree the platform
+frame is placed and moved here too.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Functions of a whole state (q, v, a) of any chain, with a measure of how far the state is from closed loops."""
+"""Functions of a whole state (q, v, a) of any chain, how far it is from closed loops, and its projection onto them."""
 
 from __future__ import annotations
 

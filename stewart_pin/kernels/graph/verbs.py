@@ -1,4 +1,7 @@
-"""The verbs of the kernels: what each is written by, of legs with closed forms, of a driven tree, of a whole state."""
+"""The verbs of the kernels: what each is written by, of legs with closed forms, of a driven tree, of a whole state.
+
+How near a state is to a singularity is told by the pivots that a verb divides by.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""States at which a chain's matrices are looked at before its kernels are written."""
+"""States at which a chain's matrices, and its idle freedoms, are looked at before its kernels are written."""
 
 from __future__ import annotations
 

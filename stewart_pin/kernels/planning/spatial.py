@@ -1,7 +1,7 @@
 """Vectors, rotations and rigid-body inertia on CasADi expressions.
 
 Everything is a (3, 1) or (3, 3) `casadi.SX`. CasADi drops products with 0 and 1 while it builds, so that axes and
-placements which are aligned cost nothing.
+placements which are aligned cost nothing. `shared` makes functions of the expressions.
 """
 
 from __future__ import annotations

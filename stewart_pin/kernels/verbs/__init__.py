@@ -1,1 +1,1 @@
-"""What kernels answer: ``dynamics``, ``derivatives`` and ``kinematics``, all called by way of ``calling``."""
+"""What kernels answer: dynamics, derivatives, geometry and kinematics, all called by way of ``calling``."""

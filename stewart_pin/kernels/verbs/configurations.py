@@ -1,4 +1,4 @@
-"""Whole configurations of arrays of poses or motor positions, or poses of motor positions, where kernels need them."""
+"""Whole configurations of arrays of poses or motor positions, or poses of motor positions; and what judges a state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Efforts, accelerations and reactions of arrays of states."""
+"""Efforts, accelerations and reactions of arrays of states, and the derivatives of the dynamics."""
 
 from __future__ import annotations
 

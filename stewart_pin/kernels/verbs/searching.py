@@ -1,4 +1,4 @@
-"""A verb for one state at a time that first looks for the pose or the whole configuration."""
+"""A verb for one state at a time that first looks for the pose or the whole configuration; and other pivots."""
 
 from __future__ import annotations
 

@@ -2,7 +2,8 @@
 
 This is the one place where Pinocchio's order of coordinates meets Featherstone's order of spatial vectors: in the
 columns of S. A spherical joint's rates are the angular velocity of the child in child axes, a floating joint's are
-[linear; angular] in child axes, so the columns of its S are the linear axes first.
+[linear; angular] in child axes, so the columns of its S are the linear axes first. The spatial vectors themselves
+stand in front.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""Forward dynamics of chains with loops: the three passes, then the forces that keep the loops closed."""
+"""Forward dynamics of trees, and of chains with loops: the three passes, then the forces that keep the loops closed."""
 
 from __future__ import annotations
 
@@ -93,11 +93,10 @@ def coupling_rows(chain: ClosedChain, bodies: Sequence[Body], q: Configuration, 
 # ----------------------------------------------------------------------------------------------------
 # Loops as wrenches: each loop row is a wrench that the closure transmits from link 1 to link 2
 #
-# With v_rel the spatial velocity of link 2 relative to link 1 and T the wrench of a row, the rate of the gap is Tᵀ
-# v_rel.
-# T belongs to link 1 but for what the joint itself moves, so that its rate is T° + v₁ ×* T, with T° as seen from link
-# 1.
-# Everything stands in base coordinates, [angular; linear]. No formula is shared with `stewart_pin.state`.
+# With v_rel the spatial velocity of link 2 relative to link 1 and T the wrench of a row, the rate of the gap is
+# Tᵀ v_rel. T belongs to link 1 but for what the joint itself moves, so that its rate is T° + v₁ ×* T, with T° as seen
+# from link 1. Everything stands in base coordinates, [angular; linear]. No formula is shared with
+# `stewart_pin.state`.
 #
 # References
 # ----------

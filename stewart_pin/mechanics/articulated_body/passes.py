@@ -1,7 +1,7 @@
 """The three passes of the articulated-body algorithm, for one or several load cases at once.
 
 The articulated inertias depend on the configuration alone. Forces, bias and accelerations therefore carry a trailing
-axis of load cases: the state itself, and unit forces whose response is asked for.
+axis of load cases: the state itself, and unit forces whose response is asked for. The base may move as prescribed.
 
 References
 ----------

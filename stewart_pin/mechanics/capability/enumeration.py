@@ -1,4 +1,4 @@
-"""From linear limits to the corners and faces of the set that they leave, exact to round-off."""
+"""From linear limits to the corners and faces of the set that they leave, exact to round-off; linear programmes."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """Columns of the constraint matrix: the forces that a joint can transmit, and the accelerations it forbids.
 
 A joint with motion axes S transmits the wrenches T with Tᵀ S = 0. It adds +T to the rows of its successor and -T to
-those of its predecessor, and demands Tᵀ (a_successor - a_predecessor) = c.
+those of its predecessor, and demands Tᵀ (a_successor - a_predecessor) = c. What the closure of a loop transmits is
+told first.
 """
 
 from __future__ import annotations
@@ -26,8 +27,7 @@ from stewart_pin.typing import FloatArray
 # What each kind of loop closure transmits, told a second time for the maximal-coordinate system
 #
 # This table is this system's own: it judges the rows of `stewart_pin.model.loop_rows`, so nothing of it comes from
-# there.
-# Entries stand in the order of the reactions, `ClosedChain.loop_table`.
+# there. Entries stand in the order of the reactions, `ClosedChain.loop_table`.
 # ----------------------------------------------------------------------------------------------------
 
 

@@ -1,4 +1,4 @@
-"""Placements and twists of all links, by the chain of joint transforms: own formulas, no Pinocchio algorithm."""
+"""Placements and twists of all links, by the chain of joint transforms, with own spatial algebra, not Pinocchio's."""
 
 from __future__ import annotations
 

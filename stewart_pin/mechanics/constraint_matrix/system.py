@@ -6,7 +6,7 @@ A rotor of inertia r on the freedom of a joint resists its own acceleration ẍ 
 wrenches that a motor there would put on the two bodies: it adds w r wᵀ to I and -w r b to f_p.
 
 a are the spatial accelerations of the bodies, η the amplitudes of the joint wrenches; the last entries of η are the
-motor efforts.
+motor efforts. Couplings give columns to C too.
 """
 
 from __future__ import annotations

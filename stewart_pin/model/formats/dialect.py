@@ -1,4 +1,7 @@
-"""What a loop dialect of URDF is: the tags it claims, how they are read, and how a mechanism is written in it."""
+"""What a loop dialect of URDF is: the tags it claims, how they are read, and how a mechanism is written in it.
+
+Two things that dialects share stand below: files beside a URDF that declare its loops, and frames that a file names.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
 """How finely a file prints its geometry: what its last digits leave open.
 
 A number of four and more significant digits counts as rounded at its last digit; shorter ones count as meant.
+Inertias that only their last digit makes impossible are mended.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """URDF, with loops and couplings in any dialect that `dialect` finds.
 
 The core of URDF is read by `urdf_core`. Every other tag belongs to a dialect, is known to be harmless, or is refused.
-Then come the file beside the URDF, if there is one, and what stands in the names and in the shape of the tree: a
-joint
-that gives a link a second parent becomes a loop. The notes say what was done.
+Then come the file beside the URDF, if there is one, and what stands in the names and in the shape of the tree: a joint
+that gives a link a second parent becomes a loop. Where no joint is marked, motors are those that the file names. The
+notes say what was done.
 """
 
 from __future__ import annotations

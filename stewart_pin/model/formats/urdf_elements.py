@@ -1,4 +1,4 @@
-"""The elements of URDF that every dialect shares: placements, axes, flags, and notes on what is not read."""
+"""The elements of URDF that every dialect shares: placements, axes, flags, shapes, and notes on what is not read."""
 
 from __future__ import annotations
 

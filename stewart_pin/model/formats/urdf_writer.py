@@ -1,4 +1,4 @@
-"""The tree of a mechanism as URDF elements, for the writers of all dialects."""
+"""The tree of a mechanism as URDF elements, placements and shapes included, for the writers of all dialects."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Safe XML: no document type, so no entity expansion; no network; numbers that are numbers."""
+"""Safe XML: no document type, so no entity expansion; no network; numbers that are numbers; which tags are harmless."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Controllers as a simulation calls them: plain functions, controllers with a state of their own, sampled ones."""
+"""Controllers as a simulation calls them: plain, with a state of their own, sampled; and what moves a state on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What happens in a run and deserves a name: limits reached, singularities approached, loops lost."""
+"""What happens in a run and deserves a name: limits reached, singularities approached, loops lost; its energy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One step of the classical Runge-Kutta method on the manifold of closed loops."""
+"""One step on the manifold of closed loops: of the classical Runge-Kutta method, or of SciPy's integrators."""
 
 from __future__ import annotations
 

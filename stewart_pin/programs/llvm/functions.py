@@ -1,8 +1,8 @@
-"""Sine and cosine of all lanes at once, written as LLVM IR.
+"""Sine, cosine and arctangent, with their relatives, of all lanes at once, written as LLVM IR.
 
-The argument is reduced by n π/2, π/2 being cut into parts whose products with n are exact; a polynomial gives sine and
-cosine of the rest, which the last bits of n then exchange and sign. Within `_LIMITS`; beyond, the C library is called,
-lane by lane. Every lane takes the way of its own argument, so neighbours do not matter.
+For sine and cosine the argument is reduced by n π/2, π/2 being cut into parts whose products with n are exact; a
+polynomial gives sine and cosine of the rest, which the last bits of n then exchange and sign. Beyond the limit of the
+type the C library is called, lane by lane. Every lane takes the way of its own argument, so neighbours do not matter.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""Machine code of a module, alive as long as the function that it becomes."""
+"""Machine code of a module, for a machine, alive as long as the function that it becomes."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ The function for ranges takes a table of addresses: for each input and output th
 states in bytes, then the status bytes, or null. It always works on full vectors; lanes beyond the end repeat the last
 state and write the same values to the same place again, so a state's result does not depend on where it stands. The
 function for one state knows its addresses, and takes no argument. Outputs that only judge a state are not written.
+States come from memory, and go back, by transposition in registers.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Print operations on vectors as LLVM IR."""
+"""Print operations on vectors as LLVM IR, and programs that repeat until every state has stopped."""
 
 from __future__ import annotations
 

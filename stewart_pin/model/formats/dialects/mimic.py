@@ -1,6 +1,7 @@
 """URDF's ``<mimic>``: one joint stands at ``multiplier`` times the position of another, plus ``offset``.
 
 What has another name than ``<joint>_mimic`` keeps it in an attribute ``name``, which other readers pass over.
+The plugins of Gazebo Classic that do the same are read too.
 
 References
 ----------

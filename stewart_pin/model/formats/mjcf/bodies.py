@@ -2,7 +2,8 @@
 
 MuJoCo accepts no moving body without mass, but any number of joints (up to six freedoms) in one body, applied in
 order. A link without mass that only passes a motion on therefore vanishes: its joints move into the next body, their
-frames expressed in that body's frame at zero joint values. This is exact.
+frames expressed in that body's frame at zero joint values. This is exact. Placements as MuJoCo has them
+stand below.
 """
 
 from __future__ import annotations

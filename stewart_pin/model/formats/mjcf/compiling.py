@@ -2,6 +2,7 @@
 
 Defaults, includes, angles in degrees, inertia from shapes and everything else of the format mean what MuJoCo makes of
 them. Meshes, height fields and textures that no inertia depends on are not opened, so they may be absent.
+Names of parts, and what the file says besides the compiled model, are told here as well.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Equality constraints of MuJoCo's compiled model as loops and couplings.
+"""Equality constraints of MuJoCo's compiled model as loops and couplings; two that make one joint become one loop.
 
 References
 ----------

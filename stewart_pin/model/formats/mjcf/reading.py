@@ -2,7 +2,7 @@
 
 The tree, its loops and couplings, the motors and the home configuration are those of the compiled model: defaults,
 units, frames and inertias from shapes mean what they mean in MuJoCo. Constraints become rigid. The world is the
-ground; bodies on free joints hang on it by floating joints.
+ground; bodies on free joints hang on it by floating joints. What the model holds besides the mechanism is noted.
 
 References
 ----------

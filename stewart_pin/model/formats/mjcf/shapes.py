@@ -1,7 +1,8 @@
 """Shapes of MuJoCo's compiled model: what its viewer shows, and what would touch other bodies.
 
 A ``<geom>`` of the groups 0 to 2 is seen; one that may touch others, or of group 3, is a collision shape; many are
-both. Meshes are not opened: their files are named as the MJCF does.
+both. Meshes are not opened: their files are named as the MJCF does. How shapes of links are
+written as ``<geom>`` stands below.
 """
 
 from __future__ import annotations

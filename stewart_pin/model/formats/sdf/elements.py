@@ -1,4 +1,4 @@
-"""Reading SDFormat elements: values as text, poses, flags, and notes on what is not read."""
+"""Reading SDFormat elements: values as text, poses, flags, and what is not read, with the reason."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 A joint whose child link has a parent already closes a loop: Gazebo Classic's way. Drake's ``drake:ball_constraint``
 closes one as well. Poses are those of the links at rest, so that every loop is closed while all joints are at zero.
+Shapes are read here too.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""From the joints of an SDFormat model to a spanning tree with loops.
+"""From the joints of an SDFormat model to a spanning tree with loops and couplings.
 
 Links keep their SDFormat frames. The description wants a joint's frame to be that of its child link; where the two
 differ in a way that matters, a link without inertia, ``<child>_at_<joint>``, stands in the joint's frame, and the
