@@ -94,7 +94,7 @@ def all_forward_kinematics(
     for start in range(starts):
         guess = chain.q_home if start == 0 else random_configuration(chain, rng)
         closure = solve(chain, guess, system)
-        closure = replace(closure, state=State(chain, unwound(chain, closure.q)))
+        closure = replace(closure, state=State(chain, unwound(chain, closure.q, asked=chain.motors)))
         if not closure.success or (limits and chain.judge.positions(closure.q, slack=_SAME)):
             continue
         mark = _placements(chain, closure.q, told_apart)

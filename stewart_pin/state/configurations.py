@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import pinocchio as pin
 
@@ -58,8 +60,10 @@ def random_configuration(chain: ClosedChain, rng: np.random.Generator) -> Config
     return low + rng.uniform(size=chain.nq) * (high - low)
 
 
-def unwound(chain: ClosedChain, q: Configuration) -> Configuration:
+def unwound(chain: ClosedChain, q: Configuration, *, asked: Collection[str] = ()) -> Configuration:
     """Take whole turns out of revolute joints: as many as bring them within half a turn of zero or into their range.
+
+    Joints that are coupled keep theirs: a gear or a screw stands elsewhere after a turn.
 
     Parameters
     ----------
@@ -67,6 +71,8 @@ def unwound(chain: ClosedChain, q: Configuration) -> Configuration:
         Closed chain.
     q
         (nq,) configuration [m, rad, unit quaternions].
+    asked
+        Joints that stand where they were asked to stand.
 
     Returns
     -------
@@ -75,8 +81,9 @@ def unwound(chain: ClosedChain, q: Configuration) -> Configuration:
         where they are.
     """
     q = np.array(q)
+    kept = {name for coupling in chain.mechanism.couplings for name in (coupling.joint1, coupling.joint2)}
     for joint in chain.mechanism.joints:
-        if joint.kind is JointKind.REVOLUTE:
+        if joint.kind is JointKind.REVOLUTE and joint.name not in kept and joint.name not in asked:
             at = chain.model.joints[chain.model.getJointId(joint.name)].idx_q
             turns = np.round(q[at] / (2 * np.pi)) if abs(q[at]) > np.pi else 0.0
             value = q[at] - 2 * np.pi * turns

@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.errors import InputError
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.tree import link_frame
 from stewart_pin.state.chain import ClosedChain, as_configuration
-from stewart_pin.typing import ArrayLike, FloatArray
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 from stewart_pin.viz.figures import new_figure
 from stewart_pin.viz.scene import body_points
 
+_ACROSS = 4
+"""Panels in a row."""
 _GROUND, _PLATFORM, _BODY, _MOTOR, _LOOP = "0.45", "C0", "0.2", "C3", "C2"
 
 
@@ -28,24 +31,66 @@ def plot_chain(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
     chain
         Closed chain.
     q
-        (nq,) configuration, loops closed or open; default: home [m, rad, unit quaternions].
+        (nq,) configuration, loops closed or open; or (n, nq), each in a panel of its own, all from the same side and to
+        the same scale; default: home [m, rad, unit quaternions].
 
     Returns
     -------
     matplotlib.figure.Figure
         The figure.
+
+    Raises
+    ------
+    InputError
+        If there is no configuration to draw.
     """
-    q = chain.q_home if q is None else as_configuration(chain, "q", q)
+    many = q is not None and np.ndim(q) == 2  # noqa: PLR2004 - one row each
+    rows = np.asarray(q) if many else [chain.q_home if q is None else q]
+    if len(rows) == 0:
+        raise InputError("q holds no configuration, there is nothing to draw")
+    shown = [_frames(chain, as_configuration(chain, "q", row)) for row in rows]
+    across = min(_ACROSS, len(shown))
+    down = -(-len(shown) // across)
+    figure = new_figure(*((3.2 * across, 3.0 * down + 0.4) if many else (6.4, 6.0)))
+    axes = [figure.add_subplot(down, across, k + 1, projection="3d") for k in range(len(shown))]
+    for axis, frames in zip(axes, shown, strict=True):
+        _draw(axis, chain, frames)
+    everything = np.vstack([_points(chain, frames) for frames in shown])
+    for number, axis in enumerate(axes, start=1):
+        _frame(axis, everything, alone=not many)
+        axis.set_title(f"{chain.name} {number}" if many else chain.name)
+    handles, labels = axes[0].get_legend_handles_labels()
+    unique = dict(zip(labels, handles, strict=True))
+    figure.legend(unique.values(), unique.keys(), loc="outside lower center", ncols=6, frameon=False)
+    return figure
+
+
+def _frames(chain: ClosedChain, q: Configuration) -> dict[str, pin.SE3]:
+    """Where the links of a configuration stand."""
     data = pin.Data(chain.model)
     pin.framesForwardKinematics(chain.model, data, q)
-    frames = {link.name: data.oMf[link_frame(chain.model, link.name)] for link in chain.mechanism.links}
-    figure = new_figure(6.4, 6.0)
-    axis = figure.add_subplot(projection="3d")
-    everything = _draw_bodies(axis, chain, frames)
+    return {link.name: data.oMf[link_frame(chain.model, link.name)] for link in chain.mechanism.links}
+
+
+def _points(chain: ClosedChain, frames: dict[str, pin.SE3]) -> FloatArray:
+    """All points that hold bodies, and the origin of the platform, or of the root, in the world [m]."""
+    held = [
+        local @ frames[link].rotation.T + frames[link].translation
+        for link, local in body_points(chain).items()
+    ]
+    return np.vstack([np.array(frames[chain.platform or chain.mechanism.root].translation)[None], *held])
+
+
+def _draw(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
+    _draw_bodies(axis, chain, frames)
     _draw_joints(axis, chain, frames)
     _draw_loops(axis, chain, frames)
     if chain.platform is not None:
         _draw_platform(axis, chain, frames[chain.platform])
+
+
+def _frame(axis: Any, everything: FloatArray, *, alone: bool) -> None:
+    """Let a panel show all points, whatever it draws itself."""
     low, high = everything.min(axis=0), everything.max(axis=0)
     extent = np.maximum(high - low, 0.15 * (high - low).max())
     for name, middle, size in zip("xyz", (low + high) / 2, extent, strict=True):
@@ -53,22 +98,15 @@ def plot_chain(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
             **{f"{name}lim": (middle - 0.55 * size, middle + 0.55 * size), f"{name}label": f"{name} [m]"}
         )
         axis.locator_params(axis=name, nbins=4)
-    axis.set_box_aspect(extent, zoom=0.9)
+    axis.set_box_aspect(extent, zoom=0.9 if alone else 0.8)
     axis.tick_params(labelsize=8)
-    axis.set_title(chain.name)
     _view(axis, extent)
-    handles, labels = axis.get_legend_handles_labels()
-    unique = dict(zip(labels, handles, strict=True))
-    figure.legend(unique.values(), unique.keys(), loc="outside lower center", ncols=6, frameon=False)
-    return figure
 
 
-def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> FloatArray:
-    """Draw the outline of every link's points, in the world [m]; return all points."""
-    everything = [np.array(frames[chain.platform or chain.mechanism.root].translation)[None]]
+def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
+    """Draw the outline of every link's points."""
     for link, local in body_points(chain).items():
         distinct = local @ frames[link].rotation.T + frames[link].translation
-        everything.append(distinct)
         if len(distinct) < 2:
             continue
         label, colour = "body", _BODY
@@ -78,7 +116,6 @@ def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> F
             label, colour = "platform", _PLATFORM
         outline = _around(distinct)
         axis.plot(*np.vstack([outline, outline[:1]]).T, color=colour, linewidth=2.2, label=label)
-    return np.vstack(everything)
 
 
 def _draw_joints(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:

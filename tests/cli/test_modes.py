@@ -5,7 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
+import pinocchio as pin
 import pytest
+
+import stewart_pin as stp
 
 from tests.cli.running import run
 
@@ -52,14 +56,46 @@ def test_planar_modes_of_a_robot(tmp_path: Path) -> None:
     )
 
 
+def test_modes_of_any_chain(tmp_path: Path) -> None:
+    """A five-bar's distal links of 0.12 m meet on either side of the line between its elbows."""
+    figures, plot = tmp_path / "modes.json", tmp_path / "modes.png"
+    answer = run("modes", "five_bar", "--starts", "30", "--json", str(figures), "--plot", str(plot))
+    assert answer.returncode == 0, answer.stderr
+    written = json.loads(figures.read_text())
+    assert written["kind"] == "searched" and not written["complete"]
+    ends = sorted(mode["position"] for mode in written["modes"])
+    chain = stp.load("five_bar")
+    assert len(ends) == 2 and plot.read_bytes().startswith(b"\x89PNG")
+    data = pin.Data(chain.model)
+    pin.framesForwardKinematics(chain.model, data, chain.q_home)
+    left, right = (data.oMf[chain.model.getFrameId(f"{side}_distal")].translation for side in ("left", "right"))
+    # Mirrored about that line.
+    across = (right - left) / np.linalg.norm(right - left)
+    one, other = np.array(ends) - left
+    np.testing.assert_allclose(one + other, 2 * across * (across @ one), atol=1e-9)
+
+
+def test_motors_of_legs_are_their_lengths(tmp_path: Path) -> None:
+    first, second = tmp_path / "1.json", tmp_path / "2.json"
+    assert run("modes", "rpr_planar", "--lengths", "5,7,3", "--json", str(first)).returncode == 0
+    chain = stp.load("rpr_planar")
+    sign, offset = chain.leg_readings
+    read = ",".join(str(x) for x in sign * ([5, 7, 3] - offset))
+    assert run("modes", "rpr_planar", f"--motors={read}", "--json", str(second)).returncode == 0
+    poses = [[mode["position"] for mode in json.loads(path.read_text())["modes"]] for path in (first, second)]
+    np.testing.assert_allclose(poses[0], poses[1], atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (("--planar", "1,2,3"), "--planar needs --lengths"),
         (("--planar", "1,2,3", "--lengths", "1"), "--planar must be one number or 7"),
         (("--lengths", "1,2"), "--lengths must be one number or 6"),
-        (("arm_7r",), "leg"),
-        (("delta",), "motor 'motor1' does not drive a leg of a planar 3-RPR platform: it is revolute"),
+        (("arm_7r", "--lengths", "1"), "'arm_7r' has no legs"),
+        (("delta", "--lengths", "1,2,3"), "'delta' has no legs that --lengths could mean"),
+        (("delta", "--motors", "1,2"), "--motors must be one number or 3"),
+        (("delta", "--motors", "1,2,3", "--lengths", "1,2,3"), "say the same thing"),
     ],
 )
 def test_bad_modes_end_in_one_line(arguments, words) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import InputError
+from tests.kernels.everywhere import Mechanism
 from tests.mechanisms import four_bar
 
 
@@ -44,3 +45,16 @@ def test_platform_is_found_at_home_and_elsewhere() -> None:
 def test_without_a_start_there_is_an_error() -> None:
     with pytest.raises(InputError, match="starts must be 1 or more"):
         stp.loops.all_forward_kinematics(four_bar(), [0.0], starts=0)
+
+
+@pytest.mark.parametrize(
+    ("name", "asked"), [("delta", [1.0, 2.0, 1.2]), ("planetary_gear", [10.0]), ("screw_jack", [1.0])]
+)
+def test_motors_stand_where_they_were_asked_to(name: str, asked: list[float]) -> None:
+    """Beyond their limits and a half turn too; gears and threads stay closed, whose whole turns count."""
+    chain = Mechanism(name).chain
+    found = stp.loops.all_forward_kinematics(chain, asked, starts=20, limits=False)
+    assert found.closures
+    for closure in found.closures:
+        np.testing.assert_allclose(stp.motor_positions(chain, closure.q), asked, rtol=0, atol=1e-12)
+        assert np.abs(stp.loop_gap(chain, closure.q)).max() < 1e-12

@@ -179,14 +179,20 @@ class FunctionSet:
         -------
         home, target, beside : numpy.ndarray
             (n,) state at home, (m,) pose or motor positions there, as the coordinates are, and (samples, n) states
-            around it with closed loops [m, rad, unit quaternions].
+            around it with closed loops, of arms elsewhere too [m, rad, unit quaternions].
         """
         chain = self.chain
         pose = np.zeros(0) if chain.platform is None else pin.SE3ToXYZQUAT(platform_pose(chain, chain.q_home))
         target = pose if self.coordinates == "platform" else chain.q_home[chain.motor_q_index]
         if state == "pose" and self.placed is not None:
             return pose, target, self.placed.plan.poses
-        return chain.q_home, target, self.closed.samples
+        if chain.nc:
+            return chain.q_home, target, self.closed.samples
+        # A stretched arm: from beside home every way to some poses is blocked, from elsewhere none is.
+        rng = np.random.default_rng(0)
+        steps = rng.uniform(-_ELSEWHERE, _ELSEWHERE, (len(self.closed.samples), chain.nv)) * chain.tangent_scale
+        far = [pin.integrate(chain.model, chain.q_home, step) for step in steps]
+        return chain.q_home, target, np.vstack([self.closed.samples, *far])
 
     @property
     def other_elbows(self) -> bool:
