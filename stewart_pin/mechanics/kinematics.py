@@ -186,6 +186,10 @@ def forward_kinematics(
     start = _start(chain, q_guess)
     path = motor_path(start, target)
     closure = follow_path(start, path)
+    spare = chain.nu - chain.generic.count.motor
+    if not closure.success and spare:
+        told = f"{closure.reason}; {chain.nu} motors stand for {chain.generic.count.motor} freedom(s), so their"
+        closure = replace(closure, reason=f"{told} positions must agree to the last digits")
     if not closure.success:
         return closure.or_raise(path.demand) if throw else closure
     return within_limits(closure, "the motor positions are", throw=throw) if limits else closure

@@ -30,6 +30,8 @@ _TURNED = 4 * np.finfo(float).eps
 """Moment that turning and shifting leave of none, in masses times squares of the lengths of the mechanism: a programme
 that moves a point of 0.5 kg by 0.1 m and back leaves some 1e-18 kg m². Of a body of 1e-18 kg that is one micrometre
 large, with 1e-30 kg m², no more than 1e-45."""
+_LIGHTEST = 1e-100
+"""Least mass that is one: far below that of an electron, and far above where doubles lose digits in products [kg]."""
 
 
 def validate(mechanism: Mechanism) -> None:
@@ -96,6 +98,12 @@ class _Validator:
         if mass < 0:
             raise self._error(
                 link.name, f"link '{link.name}' has the negative mass {mass:g} kg; masses are >= 0"
+            )
+        if 0 < mass < _LIGHTEST:
+            raise self._error(
+                link.name,
+                f"link '{link.name}' has a mass of {mass:g} kg, which keeps no digits in products; give it "
+                f"{_LIGHTEST:g} kg or more, or none",
             )
         problem = negative_moment(inertia, mass * self.round_off)
         if problem is None and link.name not in self.mechanism.odd_inertias:

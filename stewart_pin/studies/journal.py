@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import fcntl
 import json
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from stewart_pin.studies.answers import Answer, FailedPoint, NoAnswer, Results, 
 from stewart_pin.studies.points import Point, Points, words
 from stewart_pin.typing import BoolArray, FloatArray
 
-_FORMAT = "stewart_pin sweep, version 1"
+_FORMAT = "stewart_pin sweep, version 2"
 _NUMBERS = "<f8"
 """Little-endian doubles on every machine."""
 _HEADER = 1 << 24
@@ -72,7 +73,7 @@ class Journal:
         with _reading(self.file, self.begin) as lines:
             for k, line in enumerate(lines, start=2):
                 try:
-                    yield _decoded(json.loads(line), size)
+                    yield _decoded(_checked(line), size)
                 except (ValueError, KeyError, TypeError, AttributeError) as error:
                     raise FileFormatError(
                         f"line {k} of the journal is damaged ({error}); remove that line, and its points are "
@@ -146,7 +147,7 @@ def _encoded(numbers: Sequence[int], answers: Sequence[Answer]) -> bytes:
     failed = {k: answer for k, answer in enumerate(answers) if isinstance(answer, NoAnswer)}
     given = [answer for answer in answers if not isinstance(answer, NoAnswer)]
     stacked = {name: np.stack([answer[name] for answer in given]) for name in (given[0] if given else ())}
-    return _encode(
+    content = json.dumps(
         {
             "points": [int(number) for number in numbers],
             "failed": [[k, answer.error, answer.message] for k, answer in failed.items()],
@@ -155,7 +156,17 @@ def _encoded(numbers: Sequence[int], answers: Sequence[Answer]) -> bytes:
                 for name, values in stacked.items()
             },
         }
-    )
+    ).encode()
+    return b'{"crc32": %d, "task": %s}\n' % (zlib.crc32(content), content)
+
+
+def _checked(line: bytes) -> Mapping[str, Any]:
+    """Read a line, if it is what was written."""
+    head, _, rest = line.partition(b', "task": ')
+    content = rest.removesuffix(b"}\n")
+    if head != b'{"crc32": %d' % zlib.crc32(content):
+        raise ValueError("its digits are not those that were written")
+    return json.loads(content)
 
 
 def _decoded(line: Mapping[str, Any], size: int) -> tuple[list[int], list[Answer]]:

@@ -44,7 +44,7 @@ def plot_chain(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
     InputError
         If there is no configuration to draw.
     """
-    many = q is not None and np.ndim(q) == 2  # noqa: PLR2004 - one row each
+    many = q is not None and np.ndim(q) == 2
     rows = np.asarray(q) if many else [chain.q_home if q is None else q]
     if len(rows) == 0:
         raise InputError("q holds no configuration, there is nothing to draw")

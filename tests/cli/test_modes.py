@@ -10,7 +10,6 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-
 from tests.cli.running import run
 
 
@@ -68,7 +67,9 @@ def test_modes_of_any_chain(tmp_path: Path) -> None:
     assert len(ends) == 2 and plot.read_bytes().startswith(b"\x89PNG")
     data = pin.Data(chain.model)
     pin.framesForwardKinematics(chain.model, data, chain.q_home)
-    left, right = (data.oMf[chain.model.getFrameId(f"{side}_distal")].translation for side in ("left", "right"))
+    left, right = (
+        data.oMf[chain.model.getFrameId(f"{side}_distal")].translation for side in ("left", "right")
+    )
     # Mirrored about that line.
     across = (right - left) / np.linalg.norm(right - left)
     one, other = np.array(ends) - left

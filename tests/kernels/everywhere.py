@@ -308,7 +308,7 @@ class Judge:
         except (SingularityError, InputError):  # an acceleration beyond all measure keeps no loops closed
             return self.last
         off = float(_off(chain, tau[k], right))
-        limit = max(float(allowed[k]), AGREEMENT / self.regular**2)
+        limit = max(float(allowed[k]), AGREEMENT / self.regular**3)  # see `lost_on_the_way`
         self.last = "right" if not off > limit else "wrong"
         return self.last
 

@@ -31,7 +31,7 @@ def commands(chain: stp.ClosedChain, rng: np.random.Generator, count: int) -> np
 
 
 def close(chain: stp.ClosedChain, found: np.ndarray, right: np.ndarray, regular: float) -> bool:
-    """Whether efforts agree up to the digits that are lost twice, see `lost_twice`; relative to the weight at least."""
+    """Whether efforts agree up to the digits that are lost, see `lost_on_the_way`; relative to the weight at least."""
     weight = 9.81 * pin.computeTotalMass(chain.model) * max(1.0, chain.length_scale)
     return bool(np.abs(found - right).max() <= 1e-11 / regular**2 * max(weight, np.abs(right).max()))
 

@@ -53,6 +53,7 @@ NAN = float("nan")
 SHEARED = pin.SE3(np.diag([1.0, 1.0, 2.0]), np.zeros(3))
 BROKEN = {
     "negative mass": (with_body(body(-2.0)), "b", "negative mass -2 kg"),
+    "mass without digits": (with_body(body(1e-320)), "b", "keeps no digits"),
     "mass nan": (with_body(body(NAN)), "b", "not finite"),
     "com nan": (with_body(body(com=(0, NAN, 0))), "b", "not finite"),
     "negative moment": (with_body(body(moments=(1, 1, -0.1))), "b", "negative principal moment -0.1"),

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+import zlib
 from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from pathlib import Path
 
@@ -153,7 +154,7 @@ def test_an_interrupt_keeps_what_workers_had_done(path: Path) -> None:
         stp.sweep(functions.wave, AXES, journal=path, executor=pool, progress=interrupt)
     lines = [json.loads(line) for line in path.read_text().splitlines()[1:]]
     assert 4 <= len(lines) <= 8  # all in flight but the few that a worker had not begun
-    assert len({line["points"][0] for line in lines}) == len(lines)
+    assert len({line["task"]["points"][0] for line in lines}) == len(lines)
 
 
 def test_an_error_keeps_what_was_done(path: Path) -> None:
@@ -244,10 +245,22 @@ def test_another_file_is_left_alone(path: Path, text: bytes) -> None:
 def test_a_damaged_line_is_named(path: Path, line: bytes) -> None:
     stp.sweep(functions.wave, AXES, journal=path)
     lines = path.read_bytes().splitlines(keepends=True)
-    lines[4] = line + b"\n"
+    lines[4] = b'{"crc32": %d, "task": %s}\n' % (zlib.crc32(line), line)
     path.write_bytes(b"".join(lines))
     with pytest.raises(FileFormatError, match="line 5 of the journal is damaged"):
         stp.sweep(functions.wave, AXES, journal=path)
+
+
+def test_a_changed_digit_is_named(path: Path) -> None:
+    """Every byte of a line counts, also where what is left of it can be read."""
+    stp.sweep(functions.wave, AXES, journal=path)
+    written, rng = path.read_bytes(), np.random.default_rng(5)
+    begin = written.index(b"\n") + 1
+    for at in rng.integers(begin, len(written) - 1, 60):
+        other = b"A" if written[at : at + 1] != b"A" else b"B"
+        path.write_bytes(written[:at] + other + written[at + 1 :])
+        with pytest.raises(FileFormatError, match="of the journal is damaged"):
+            stp.sweep(functions.wave, AXES, journal=path)
 
 
 def test_a_journal_in_use_is_refused(path: Path) -> None:

@@ -66,7 +66,12 @@ class DrivenTree:
     @property
     def surplus(self) -> bool:
         """Whether rows of the drive follow from the others: then not every demand is within reach."""
-        return bool(_dropped(self))
+        return bool(_dropped(self) or _broken(self))
+
+    @property
+    def rows(self) -> ca.SX:
+        """(nv, nc + 6 or nu) rows of loops and drive, transposed."""
+        return ca.horzcat(self.closed.columns.transpose, self.drive)
 
     @property
     def determined(self) -> int:
@@ -145,12 +150,16 @@ def follow(driven: DrivenTree, k: int) -> ca.SX:
     return driven.reduced.transposed(demand)
 
 
-def _infeasible(driven: DrivenTree, motion: ca.SX, demand: ca.SX) -> ca.SX:
-    """Part of a demand on the drive that the chain cannot follow, relative to 1 and to the demand."""
-    dropped = _dropped(driven)
-    if not dropped:
+def _infeasible(driven: DrivenTree, motion: ca.SX, loops: ca.SX, demand: ca.SX) -> ca.SX:
+    """Part of a demand on loops and drive that the chain cannot follow, relative to 1 and to the demand on the drive.
+
+    Where rows depend on each other, those of the drive may be what the motion meets, and those of the loops be left.
+    """
+    nc = driven.closed.tree.nc
+    rows = [*_broken(driven), *(nc + k for k in _dropped(driven))]
+    if not rows:
         return ca.SX(0)
-    left = driven.drive[:, dropped].T @ motion - demand[dropped]
+    left = driven.rows[:, rows].T @ motion - ca.vertcat(loops, demand)[rows]
     return ca.norm_inf(left) / (1 + ca.norm_inf(demand))
 
 
@@ -217,7 +226,7 @@ def driven_velocity(driven: DrivenTree) -> tuple[ca.SX, ca.SX, ca.SX]:
     v = driven.reduced.transposed(ca.vertcat(ca.SX.zeros(driven.closed.tree.nc), velocity))
     if driven.idle.shape[1]:
         v = without_momentum(driven.closed, v, driven.idle, driven.idle_scale)
-    return velocity, v, _infeasible(driven, v, velocity)
+    return velocity, v, _infeasible(driven, v, ca.SX.zeros(driven.closed.tree.nc), velocity)
 
 
 def driven_motion(driven: DrivenTree) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX]:
@@ -242,8 +251,9 @@ def driven_motion(driven: DrivenTree) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, c
     acceleration = ca.SX.sym("acceleration", size)
     bias = platform_bias(closed, v) if driven.coordinates == "platform" else ca.SX.zeros(size)
     demand = acceleration - bias
-    a = driven.reduced.transposed(ca.vertcat(-tree_bias(closed, v), demand))
-    infeasible = ca.fmax(lost, _infeasible(driven, a, demand))
+    loops = -tree_bias(closed, v)
+    a = driven.reduced.transposed(ca.vertcat(loops, demand))
+    infeasible = ca.fmax(lost, _infeasible(driven, a, loops, demand))
     return {"q": closed.q, "velocity": velocity, "acceleration": acceleration}, v, a, infeasible
 
 
@@ -375,6 +385,12 @@ def _dropped(driven: DrivenTree) -> list[int]:
     """Rows of the drive that follow from the others."""
     nc = driven.closed.tree.nc
     return [k - nc for k in driven.reduced.pivots.columns if k >= nc]
+
+
+def _broken(driven: DrivenTree) -> list[int]:
+    """Rows of the loops that follow from others with the drive's, but not from the loops' own."""
+    left = set(driven.reduced.pivots.columns) - set(driven.closed.reduced.pivots.columns)
+    return sorted(k for k in left if k < driven.closed.tree.nc)
 
 
 def _pose_error(closed: ClosedTree, target: ca.SX) -> tuple[ca.SX, ca.SX]:

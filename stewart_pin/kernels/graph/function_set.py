@@ -44,7 +44,11 @@ from stewart_pin.kernels.graph.verbs import (
 )
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree
 from stewart_pin.kernels.planning.plan import plan_platform
-from stewart_pin.kernels.planning.samples import closed_samples, require_idle_without_effect
+from stewart_pin.kernels.planning.samples import (
+    closed_samples,
+    require_idle_without_effect,
+    require_standing_frames,
+)
 from stewart_pin.kernels.planning.tree import tree_of
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.description import JointKind
@@ -54,6 +58,8 @@ from stewart_pin.typing import BoolArray, Configuration, FloatArray
 
 Coordinates = Literal["platform", "motor", "tree"]
 
+_ELSEWHERE = 2.0
+"""How far from home arms start that stand stretched there, in radians and robot sizes."""
 _STEPS: dict[str, Callable[[str, NewtonEquations], ca.Function]] = {
     "_double_step": double_step,
     "_stretch_step": stretch_step,
@@ -190,7 +196,9 @@ class FunctionSet:
             return chain.q_home, target, self.closed.samples
         # A stretched arm: from beside home every way to some poses is blocked, from elsewhere none is.
         rng = np.random.default_rng(0)
-        steps = rng.uniform(-_ELSEWHERE, _ELSEWHERE, (len(self.closed.samples), chain.nv)) * chain.tangent_scale
+        steps = (
+            rng.uniform(-_ELSEWHERE, _ELSEWHERE, (len(self.closed.samples), chain.nv)) * chain.tangent_scale
+        )
         far = [pin.integrate(chain.model, chain.q_home, step) for step in steps]
         return chain.q_home, target, np.vstack([self.closed.samples, *far])
 
@@ -263,13 +271,13 @@ class FunctionSet:
         if self.coordinates == "tree":
             assert verb.state is not None
             return verb.state(self.closed)
+        if verb.solves == "reactions":
+            require_standing_frames(self.chain)
         if self.placed is not None:
             try:
                 return self._by_closed_forms(verb)
             except UnsupportedError:
-                if (
-                    verb.solves != "reactions"
-                ):  # whose rows may need the whole configuration, or the norm over it
+                if verb.solves != "reactions":  # which may need the norm over the whole configuration
                     raise
         assert verb.driven is not None
         return verb.driven(self.driven)

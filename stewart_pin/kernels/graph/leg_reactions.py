@@ -19,7 +19,7 @@ import numpy as np
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.leg_forces import LegForces, on_platform
-from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, platform_motion, turning_of
+from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, platform_motion
 from stewart_pin.kernels.graph.platform_dynamics import (
     PlacedPlatform,
     balance_legs,
@@ -32,9 +32,6 @@ from stewart_pin.kernels.planning.spatial import constant, rotation_constant, sh
 from stewart_pin.model.loop_rows import AngleRow, orthonormal_triad
 from stewart_pin.state.freedom import require_sufficient_motors
 from stewart_pin.typing import FloatArray
-
-_STANDS = 1e-9
-"""Idle motions that turn a body by less, relative to 1, are round-off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +67,10 @@ def reactions_function(placed: PlacedPlatform) -> ca.Function:
     ActuationError
         If the motors cannot hold the robot at home.
     UnsupportedError
-        If forces within the mechanism are not determined by their norm, or loop frame 1 by the pose.
+        If forces within the mechanism are not determined by their norm.
     """
     plan = placed.plan
     require_sufficient_motors(plan.chain)
-    for leg in placed.legs:
-        _require_standing(leg)
     twist, acceleration = ca.SX.sym("twist", 6), ca.SX.sym("acceleration", 6)
     moving = platform_motion(plan.tree, placed.pose, twist, acceleration)
     forces = forces_of_legs(placed, moving)
@@ -92,15 +87,6 @@ def reactions_function(placed: PlacedPlatform) -> ca.Function:
         {"pose": placed.pose, "twist": twist, "acceleration": acceleration},
         {"lambda_c": lambda_c, **placed.infeasible(twist, acceleration)},
     )
-
-
-def _require_standing(placed: PlacedLeg) -> None:
-    """Refuse rows in axes of a body that idle motions turn: the pose does not tell where it stands."""
-    for end in placed.leg.ends:
-        if placed.idle.shape[1] and end.body_first and end.loop.index:
-            spins = turning_of(placed, end.body, placed.idle)
-            if np.abs(placed.values(spins)).max(initial=0.0) > _STANDS:
-                raise UnsupportedError(f"loop '{end.loop.name}' is described on a body that may turn idly")
 
 
 def _end_forces(placed: PlacedLeg, force: LegForces, tau_motor: ca.SX) -> ca.SX:

@@ -69,7 +69,8 @@ def platform_conditioning(
     -------
     casadi.Function
         ``pose -> conditioning``, (7, 1) to (1, 1): the smallest pivot, each relative to its median over samples, or to
-        a thousandth of the largest entry of its matrix if that is more. Near one where the robot is as regular as
+        a thousandth of the largest entry of its matrix if that is more; or the product of those by which the motors'
+        motion is turned into the platform's, if that is less. Near one where the robot is as regular as
         around home, near zero at a singularity of a leg or of the platform.
     """
     reduced = [leg.reduced for leg in placed.legs]
@@ -81,7 +82,8 @@ def platform_conditioning(
     if reactions:
         share, before = holding_share(placed)
         reduced += [before, _share_reduced(share, placed.values, *map(np.ones, share.shape))]
-    return shared("conditioning", {"pose": placed.pose}, {"conditioning": _smallest(reduced, placed.usual)})
+    measure = _smallest(reduced, placed.usual, driving)
+    return shared("conditioning", {"pose": placed.pose}, {"conditioning": measure})
 
 
 def tree_conditioning(
@@ -136,17 +138,20 @@ def _share_reduced(
     return Elimination(share, plan_pivots(sampled, list(range(share.shape[1])), nothing=0.0))
 
 
-def _smallest(reduced: Sequence[Elimination], usually: Callable[[ca.SX], FloatArray]) -> ca.SX:
+def _smallest(
+    reduced: Sequence[Elimination], usually: Callable[[ca.SX], FloatArray], driving: Elimination | None = None
+) -> ca.SX:
+    """Smallest of the pivots, or the determinant of what turns motors' motion into a platform's if that is less."""
     pivots = [pivot for one in reduced for pivot in one.pivot_expressions()]
     sizes = [size for one in reduced for size in one.pivots.sizes]
     usual = usually(ca.vertcat(*pivots))
     # A pivot that is small around home already has lost digits there.
     usual = usual / np.minimum(1.0, np.array(sizes) / _SMALL)
-    ratios = [
-        ca.fabs(pivot) / float(size)
-        for pivot, size in zip(pivots, usual, strict=True)
-        if not pivot.is_constant()
-    ]
+    every = [ca.fabs(pivot) / float(size) for pivot, size in zip(pivots, usual, strict=True)]
+    ratios = [ratio for ratio, pivot in zip(every, pivots, strict=True) if not pivot.is_constant()]
+    if driving is not None:
+        first = sum(len(one.pivots.sizes) for one in reduced[: reduced.index(driving)])
+        ratios.append(functools.reduce(ca.times, every[first : first + len(driving.pivots.sizes)], ca.SX(1)))
     entries = [entry for one in reduced for entry in one.nothing if not entry.is_constant()]
     if entries:
         # Where loops have come together in another way than around home, what is nothing there is something.

@@ -11,6 +11,8 @@ import pinocchio as pin
 from stewart_pin.errors import ClosureError, UnsupportedError
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion, platform_pose
+from stewart_pin.model.description import JointKind
+from stewart_pin.model.tree import link_frame
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.generic import regularity
 from stewart_pin.state.newton import close_loops
@@ -18,6 +20,8 @@ from stewart_pin.typing import Configuration, FloatArray
 
 _REGULAR = 1e-3
 """Share of the usual regularity that a home must have for pivots to be chosen on it."""
+_STANDS = 1e-9
+"""Idle motions that turn a body by less, relative to 1, are round-off."""
 _SPREAD, _SPREAD_BESIDE = 0.15, 0.03
 """Largest displacement of a joint from home, and from a configuration far from it, in robot sizes and radians."""
 
@@ -160,6 +164,35 @@ def require_idle_without_effect(chain: ClosedChain, q: Configuration) -> None:
             f"where idle freedoms of {chain.name} stand ({', '.join(names[:3])}, ...) changes the motor efforts, and "
             "neither platform nor motors determine it; use coordinates='tree'"
         )
+
+
+def require_standing_frames(chain: ClosedChain) -> None:
+    """Refuse reactions told in axes of a body that idle motions turn: neither platform nor motors tell where it stands.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Raises
+    ------
+    UnsupportedError
+        If loop frame 1 of several rows turns so.
+    """
+    if not chain.generic.count.idle:
+        return
+    told = [loop for loop in chain.loops if loop.kind is not JointKind.DISTANCE]  # one row has no axes
+    for q in chain.generic.samples:
+        idle, data = chain.at(q).freedom.idle, pin.Data(chain.model)
+        for loop in told:
+            frame = link_frame(chain.model, loop.link1)
+            turning = pin.computeFrameJacobian(chain.model, data, q, frame, pin.LOCAL)[3:] @ idle
+            if np.abs(turning).max(initial=0.0) > _STANDS:
+                raise UnsupportedError(
+                    f"the reactions of loop '{loop.name}' are told in axes of '{loop.link1}', which idle freedoms of "
+                    f"{chain.name} turn, and neither platform nor motors say where to; use coordinates='tree', or "
+                    "describe the loop from its other link"
+                )
 
 
 def idle_moved(chain: ClosedChain, q: Configuration, direction: FloatArray) -> Configuration:

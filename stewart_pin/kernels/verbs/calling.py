@@ -17,7 +17,7 @@ from stewart_pin.kernels.verbs.configurations import (
     as_rows,
     configurations,
     judged,
-    lost_twice,
+    lost_on_the_way,
     poses_between,
     serves,
     with_unit_quaternions,
@@ -164,6 +164,8 @@ class Caller:
             self._require_platform(verb)
             if verb == "forward_kinematics" or (verb == "inverse_kinematics" and not self.by_legs):
                 return SearchingState(self, verb)
+        if verb.endswith("_derivatives"):
+            self._require_drive(verb)
         if verb in ("inverse_dynamics_geometry", "forward_dynamics_geometry"):
             return SearchingState(self, verb)
         self.casadi(verb)
@@ -277,7 +279,7 @@ class Caller:
         given = self._given(solved, values, places.status, single=single, codes=codes)
         if places.conditioning is None:
             return given
-        lost_twice(places.conditioning)
+        lost_on_the_way(places.conditioning)
         return _without_last(given)
 
     def _by_whole_tree(
@@ -448,6 +450,13 @@ class Caller:
     def _require_platform(self, verb: str) -> None:
         if self.coordinates != "platform":
             raise UnsupportedError(f"{verb} is for kernels with coordinates='platform'")
+
+    def _require_drive(self, verb: str) -> None:
+        if self.coordinates == "tree":
+            raise UnsupportedError(
+                f"{verb} is for kernels with coordinates='platform' or 'motor'; of the whole tree differentiate "
+                "casadi('tree_inverse_dynamics') or casadi('tree_forward_dynamics')"
+            )
 
     def _steps(self, equations: str) -> NewtonSteps:
         return NewtonSteps(

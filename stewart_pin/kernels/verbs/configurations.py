@@ -297,13 +297,13 @@ def judged(
     return ca.Function(function.name(), inputs, results, function.name_in(), list(outputs)), bounds
 
 
-def lost_twice(conditioning: FloatArray) -> None:
-    """Count, in place, what a configuration that was looked for has lost already, and the dynamics lose again.
+def lost_on_the_way(conditioning: FloatArray) -> None:
+    """Count, in place, what a motion that was looked for has lost already, and the dynamics lose again.
 
     Parameters
     ----------
     conditioning
-        (N,) of the configurations c, dimensionless; becomes c² where that is less: the error of a configuration, ε / c,
-        is enlarged by 1 / c.
+        (N,) of the configurations c, dimensionless; becomes c³ where that is less: the error of a configuration, ε / c,
+        is that of its velocity by 1 / c, and that of its acceleration by 1 / c again.
     """
-    np.minimum(conditioning, conditioning**2, out=conditioning)
+    np.minimum(conditioning, conditioning**3, out=conditioning)

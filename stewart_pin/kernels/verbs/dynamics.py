@@ -186,6 +186,7 @@ class DerivativeVerbs(Caller):
             (N, nu, size) each [N or N m per unit of the coordinate]; poses are displaced by a shift and a rotation
             vector in world axes. They hold for displacements, rates and accelerations that the chain can do.
         """
+        self._require_drive("inverse_dynamics_derivatives")
         return self._call(
             "inverse_dynamics_derivatives",
             (pose, twist, acceleration),
@@ -219,6 +220,7 @@ class DerivativeVerbs(Caller):
         by_pose, by_twist, by_tau_motor : numpy.ndarray
             (N, size, size or nu) each [m/s² or rad/s² per unit of the coordinate or effort], as for inverse dynamics.
         """
+        self._require_drive("forward_dynamics_derivatives")
         return self._call(
             "forward_dynamics_derivatives",
             (pose, twist, tau_motor),

@@ -8,7 +8,7 @@ import numpy as np
 
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.verbs.calling import Caller, Places
-from stewart_pin.kernels.verbs.configurations import as_poses, as_rows, lost_twice, normalised
+from stewart_pin.kernels.verbs.configurations import as_poses, as_rows, lost_on_the_way, normalised
 from stewart_pin.kernels.verbs.newton import solve_on_branch, straight
 from stewart_pin.programs.arrays import require_out
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -158,7 +158,7 @@ class KinematicsVerbs(Caller):
         room = None if out is None or np.ndim(out) != 1 else out[:, None]
         found = self._call("conditioning", (pose,), Places(room, status, None, threads))[..., 0]
         if not self._takes_state(self._kernel("conditioning")):
-            lost_twice(found)
+            lost_on_the_way(found)
         return found
 
     def _beginning(

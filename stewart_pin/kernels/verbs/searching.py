@@ -13,7 +13,7 @@ from stewart_pin.kernels.planning.elimination import REGULAR
 from stewart_pin.kernels.verbs.configurations import (
     POOR,
     as_poses,
-    lost_twice,
+    lost_on_the_way,
     normalised,
     with_unit_quaternions,
 )
@@ -140,7 +140,7 @@ def _prepared(caller: Caller, verb: str) -> tuple[tuple[str, ...], tuple[int, ..
         if blocked is not None:
             found[:, blocked] = np.nan
         if verb == "conditioning" and search is not None:
-            lost_twice(found)
+            lost_on_the_way(found)
         return found if isinstance(found, tuple) else (found,)
 
     names = (first[0], *(port.name for port in ports[1:]))
