@@ -188,7 +188,9 @@ def forward_kinematics(
     closure = follow_path(start, path)
     spare = chain.nu - chain.generic.count.motor
     if not closure.success and spare:
-        told = f"{closure.reason}; {chain.nu} motors stand for {chain.generic.count.motor} freedom(s), so their"
+        told = (
+            f"{closure.reason}; {chain.nu} motors stand for {chain.generic.count.motor} freedom(s), so their"
+        )
         closure = replace(closure, reason=f"{told} positions must agree to the last digits")
     if not closure.success:
         return closure.or_raise(path.demand) if throw else closure

@@ -232,6 +232,16 @@ class FunctionSet:
         return self.driven if self.coordinates == "motor" else driven_tree.drive_tree(self.closed, "motor")
 
     @property
+    def pivots(self) -> tuple[frozenset[tuple[int, int]], ...]:
+        """What is divided by: rows and columns of loops, and of loops and drive."""
+        reduced = (
+            [self.closed.reduced]
+            if self.coordinates == "tree"
+            else [self.closed.reduced, self.driven.reduced]
+        )
+        return tuple(frozenset(one.pivots.places) for one in reduced)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of the functions."""
         return tuple(self._rows)

@@ -274,8 +274,15 @@ class Caller:
         values = values if isinstance(values, tuple) else (values,)
         if self._wary(name):
             self._look_again(name, (solved.states, *inputs[1:]), values, codes, places, targets=states)
-        if self._functions.other_elbows and not solved.kept.all():
-            solved = self._by_whole_tree(name, (states, *inputs[1:]), solved, values, codes, places)
+        lost = np.zeros(count, dtype=bool)
+        if self.by_legs and self.coordinates == "motor":
+            # Pivots of legs are what they are: of the whole tree there are others.
+            lost = codes == StateStatus.SINGULAR
+            if self._functions.other_elbows:
+                lost |= ~solved.kept & np.isfinite(states).all(axis=1)
+        if lost.any():
+            rows = np.flatnonzero(lost)
+            solved = self._by_whole_tree(name, (states, *inputs[1:]), rows, solved, values, codes, places)
         given = self._given(solved, values, places.status, single=single, codes=codes)
         if places.conditioning is None:
             return given
@@ -286,15 +293,13 @@ class Caller:
         self,
         name: str,
         inputs: Sequence[ArrayLike],
+        rows: np.ndarray,
         solved: Solved,
         values: Sequence[FloatArray],
         codes: np.ndarray,
         places: Places,
     ) -> Solved:
-        """Answer rows that no pose of legs with elbows as at home meets: motors may lead through dead centres."""
-        rows = np.flatnonzero(~solved.kept & np.isfinite(np.asarray(inputs[0])).all(axis=1))
-        if not len(rows):
-            return solved
+        """Answer rows that legs with elbows as at home do not: motors may lead through dead centres."""
         taken = [_rows_of(x, rows) for x in inputs]
         status = np.zeros(len(rows), dtype=np.int8)
         graded: Any = np.zeros(len(rows), dtype=self._dtype)

@@ -174,8 +174,9 @@ def _forward_kinematics(caller: Caller) -> Quick:
 # Other choices of pivots of a chain, each made when one is wanted that the others do not give
 # ----------------------------------------------------------------------------------------------------
 
-_MOST, _LOOKED_AT = 8, 8
-"""Choices besides the usual one, and states that are looked at for another."""
+_MOST, _TRIED, _LOOKED_AT = 8, 24, 8
+"""Choices besides the usual one, how often one is asked for that may turn out to be known, and states that are looked
+at for one."""
 _BESIDE = 1e-3
 """How far a state that is looked at may be from closed loops. It must be `REGULAR`: where pivots are judged by the
 states around which they were chosen, these must be nothing special."""
@@ -199,6 +200,7 @@ class OtherPivots(Generic[Kernels]):
     def __init__(self, functions: FunctionSet, make: Callable[[FunctionSet], Kernels]) -> None:
         self._functions, self._make = functions, make
         self._made: list[Kernels] = []
+        self._known, self._tried = [functions.pivots], 0
 
     def __iter__(self) -> Iterator[Kernels]:
         return iter(self._made)
@@ -230,8 +232,6 @@ class OtherPivots(Generic[Kernels]):
         bool
             Whether another choice has been made.
         """
-        if len(self._made) >= _MOST:
-            return False
         for k in np.unique(np.linspace(0, len(states) - 1, _LOOKED_AT).astype(int)):
             found = 0.0 if served is None else float(np.nan_to_num(served[k]))
             # On the way of a platform motors may stand at a dead centre.
@@ -239,12 +239,18 @@ class OtherPivots(Generic[Kernels]):
             q = _regular(self._functions.chain, states[k], max(REGULAR, _BETTER * found), motors=motors)
             if q is None:
                 continue
+            if len(self._made) >= _MOST or self._tried >= _TRIED:
+                return False
+            self._tried += 1
             try:
                 other = self._functions.around(q)
             except UnsupportedError:
                 continue
             if other.freedoms != self._functions.freedoms:  # round-off of closed loops taken for a pivot
                 continue
+            if other.pivots in self._known:  # states that are poor for another reason
+                continue
+            self._known.append(other.pivots)
             self._made.append(self._make(other))
             return True
         return False
