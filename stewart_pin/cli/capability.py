@@ -23,6 +23,7 @@ from stewart_pin.mechanics.capability.polytope import (
     polytope_support,
 )
 from stewart_pin.mechanics.kinematics import motor_positions, platform_pose
+from stewart_pin.model.limits import LimitKind
 from stewart_pin.viz.capability_pictures import plot_polytopes
 from stewart_pin.viz.figures import check_picture_path, save_figure
 
@@ -46,6 +47,17 @@ def capability(
 ) -> None:
     """Show greatest velocities and wrenches of the platform at a pose."""
     chain = load(robot)
+    asked: tuple[tuple[LimitKind, str, float | None], ...] = (
+        ("velocity", "--rate-limit", rate_limit),
+        ("effort", "--effort-limit", effort_limit),
+    )
+    for kind, option, given in asked:
+        bounds = chain.limits.bounds(kind, chain.motor_index)
+        endless = [
+            motor for motor, ends in zip(chain.motors, bounds, strict=True) if not np.isfinite(ends).all()
+        ]
+        if given is None and endless:
+            raise InputError(f"motor '{endless[0]}' of '{chain.name}' states no {kind} limit; give {option}")
     q = configuration_of(chain, pose, limits)
     velocity = velocity_polytope(chain, q, rate_limit=rate_limit, limits=limits)
     free = wrench_polytope(chain, q, effort_limit=effort_limit)

@@ -50,7 +50,7 @@ class MotorDemand(Brief):
     time
         (N,) [s].
     positions
-        (N, nu) [m or rad].
+        (N, nu); an angle goes on from the instant before by less than half a turn, see `turns_unsure` [m or rad].
     rates
         (N, nu) [m/s or rad/s].
     efforts
@@ -70,6 +70,21 @@ class MotorDemand(Brief):
     chain: ClosedChain = field(repr=False)
     samples: PlatformSamples = field(repr=False)
     method: DemandMethod = "one_state"
+
+    @property
+    def turns_unsure(self) -> dict[str, float]:
+        """Motors that may have turned further between two instants than poses tell, with the first time [s].
+
+        The rates at both instants then speak for another number of whole turns than `positions` count: sample the
+        motion more finely. Of poses that do not follow each other in time they say nothing.
+        """
+        step = np.diff(self.time)[:, None] * (self.rates[1:] + self.rates[:-1]) / 2
+        missed = np.abs(step - np.diff(self.positions, axis=0)) > np.pi
+        return {
+            motor: float(self.time[int(np.argmax(missed[:, k]))])
+            for k, motor in enumerate(self.chain.motors)
+            if missed[:, k].any() and self.chain.mechanism.joint(motor).kind is JointKind.REVOLUTE
+        }
 
     def holds(self) -> bool:
         """Tell whether every limit holds, as `check`, but ask the other joints only where the motors keep theirs.

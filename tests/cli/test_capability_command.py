@@ -9,6 +9,8 @@ import pytest
 
 from tests.cli import running
 
+ZOO = Path(__file__).parents[1] / "zoo" / "urdf"
+
 
 def run(*arguments: str) -> tuple[int, str, str]:
     answer = running.run("capability", *arguments)
@@ -58,6 +60,11 @@ def test_weak_motors_are_told() -> None:
         (("stewart", "--pose", "1,2"), "--pose must be one number or 6"),
         (("stewart", "--pose", "0,0,9,0,0,0"), "out of reach"),
         (("stewart", "--pose", "0,0,1,0,0,1.5707963267948966"), "motors cannot hold the robot here"),
+        ((str(ZOO / "parallelogram.urdf"),), "states no velocity limit; give --rate-limit"),
+        (
+            (str(ZOO / "parallelogram.urdf"), "--rate-limit", "1"),
+            "states no effort limit; give --effort-limit",
+        ),
         (("stewart", "--rate-limit", "0"), "rate_limit must be finite and above zero"),
     ],
 )

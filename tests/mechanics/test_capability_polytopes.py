@@ -332,8 +332,12 @@ def test_bad_input_is_named(cad: stp.ClosedChain, report_ideal: stp.Hexapod) -> 
     polytope = stp.polytopes.velocity_polytope(cad, q)
     with pytest.raises(InputError, match="direction must not be zero"):
         stp.polytopes.polytope_reach(polytope, np.zeros(6))
-    with pytest.raises(InputError, match="coordinates must be different indices from 0 to 5"):
+    with pytest.raises(InputError, match="or their indices from 0 to 5"):
         stp.polytopes.polytope_section(polytope, (0, 1, 6))
+    with pytest.raises(InputError, match="different names of vx, vy"):
+        stp.polytopes.polytope_section(polytope, ("vx", "up"))
+    named = stp.polytopes.polytope_section(polytope, ("vx", "wz"))
+    np.testing.assert_array_equal(named.vertices, stp.polytopes.polytope_section(polytope, (0, 5)).vertices)
 
 
 def test_idle_motion_that_the_weight_loads_is_said() -> None:

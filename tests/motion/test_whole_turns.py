@@ -75,3 +75,15 @@ def test_turns_of_more_than_a_quarter_between_two_instants_are_followed(rng: np.
     found, plain = (stp.motor_demand(chain, few, kernels=kernels) for kernels in (True, False))
     assert found.method == "one_state"
     np.testing.assert_array_equal(found.positions, plain.positions)
+
+
+def test_turns_that_poses_do_not_tell_are_said(rng: np.random.Generator) -> None:
+    """Nearly a turn from one instant to the next looks like a little back; the rates know better."""
+    chain = arm(rng)
+    rate = np.array([1.9 * np.pi, 0.0, 0.0])
+    for spacing, unsure in ((0.1, {}), (1.0, {chain.motors[0]: 0.0})):
+        time = spacing * np.arange(5)
+        states = [chain.at(chain.q_home + t * rate, rate) for t in time]
+        columns = [(s.pose.translation, s.pose.rotation, s.twist, s.platform_bias) for s in states]
+        samples = stp.motions.PlatformSamples(time, *map(np.array, zip(*columns, strict=True)))
+        assert stp.motor_demand(chain, samples).turns_unsure == unsure

@@ -181,7 +181,7 @@ def inscribed_ball(polytope: Polytope) -> Ball:
     return Ball(radius=radius, direction=touching, limit=polytope.limits[worst])
 
 
-def polytope_section(polytope: Polytope, coordinates: Sequence[int] = (0, 1, 2)) -> Polytope:
+def polytope_section(polytope: Polytope, coordinates: Sequence[int | str] = (0, 1, 2)) -> Polytope:
     """Cut with the subspace in which all other coordinates are zero.
 
     With the first three coordinates this is the velocities without turning, or the forces without moment.
@@ -191,7 +191,7 @@ def polytope_section(polytope: Polytope, coordinates: Sequence[int] = (0, 1, 2))
     polytope
         Velocities or wrenches.
     coordinates
-        Which coordinates stay.
+        Which coordinates stay, by index or by name, as ``"vx"``.
 
     Returns
     -------
@@ -212,7 +212,7 @@ def polytope_section(polytope: Polytope, coordinates: Sequence[int] = (0, 1, 2))
     return _among(polytope, chosen, shape)
 
 
-def polytope_projection(polytope: Polytope, coordinates: Sequence[int] = (0, 1, 2)) -> Polytope:
+def polytope_projection(polytope: Polytope, coordinates: Sequence[int | str] = (0, 1, 2)) -> Polytope:
     """Cast the shadow on a subspace: all other coordinates may take any value.
 
     Parameters
@@ -220,7 +220,7 @@ def polytope_projection(polytope: Polytope, coordinates: Sequence[int] = (0, 1, 
     polytope
         Velocities or wrenches.
     coordinates
-        Which coordinates stay.
+        Which coordinates stay, by index or by name, as ``"vx"``.
 
     Returns
     -------
@@ -269,9 +269,14 @@ def _direction(polytope: Polytope, direction: ArrayLike) -> FloatArray:
     return direction
 
 
-def _coordinates(polytope: Polytope, coordinates: Sequence[int]) -> list[int]:
-    d = len(polytope.names)
-    chosen = [int(k) for k in coordinates]
-    if not chosen or len(set(chosen)) != len(chosen) or any(not 0 <= k < d for k in chosen):
-        raise InputError(f"coordinates must be different indices from 0 to {d - 1}, got {tuple(coordinates)}")
-    return chosen
+def _coordinates(polytope: Polytope, coordinates: Sequence[int | str]) -> list[int]:
+    """Find coordinates told by index or by name."""
+    names = polytope.names
+    told = [names.index(k) if isinstance(k, str) and k in names else k for k in coordinates]
+    known = all(isinstance(k, int | np.integer) and 0 <= k < len(names) for k in told)
+    if not told or not known or len(set(told)) != len(told):
+        raise InputError(
+            f"coordinates must be different names of {', '.join(names)}, or their indices from 0 to {len(names) - 1}, "
+            f"got {tuple(coordinates)}"
+        )
+    return [int(k) for k in told]
