@@ -1,6 +1,6 @@
 """Closing loops: the result, rates of the Jacobian, freedoms, every pose of given motors, paths."""
 
-from stewart_pin.analysis.chain_legs import closed_path as closed_path
+from stewart_pin.analysis.point_by_point import closed_path as closed_path
 from stewart_pin.mechanics.forward_solutions import ForwardSolutions as ForwardSolutions
 from stewart_pin.mechanics.forward_solutions import all_forward_kinematics as all_forward_kinematics
 from stewart_pin.mechanics.mobility import Mobility as Mobility

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import brentq, minimize_scalar
 
-from stewart_pin.analysis.chain_legs import Path, closed_path
+from stewart_pin.analysis.point_by_point import Path, closed_path
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_count, as_positive
 from stewart_pin.errors import InputError

@@ -1,8 +1,9 @@
-"""Where a six-legged platform can go without turning: a cloud of points, what stops it there, and how well it moves.
+"""Where a platform can go without turning: a cloud of points, what stops it there, and how well it moves.
 
-At a fixed orientation the length of leg i is the distance of the platform origin from the fixed point
+Of six legs: at a fixed orientation the length of leg i is the distance of the platform origin from the fixed point
 c_i = B_i - R P_i. The workspace is what six spherical shells around these points have in common; a leg length changes
-at most as much as the position does, which makes the volume bounds below rigorous.
+at most as much as the position does, which makes the volume bounds below rigorous. Any other platform is led from cell
+to cell.
 """
 
 from __future__ import annotations
@@ -16,15 +17,15 @@ import numpy as np
 import pinocchio as pin
 from scipy import ndimage
 
-from stewart_pin.analysis.chain_legs import ChainLegs
+from stewart_pin.analysis.point_by_point import ChainLegs, GrownCells, Growth
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths, leg_vectors
 from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.kernels.choosing import lengths_at
-from stewart_pin.mechanics.closed_forms import leg_form
-from stewart_pin.mechanics.kinematics import inverse_kinematics
+from stewart_pin.mechanics.closed_forms import admission, leg_form
+from stewart_pin.mechanics.kinematics import inverse_kinematics, platform_pose
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -36,6 +37,8 @@ _ACROSS = 60
 _FEWER = 20
 """The same where each point is asked of the whole chain."""
 _MOST = 20_000_000
+_MOST_LED = 200_000
+"""Cells to which a platform is led, some thousand in a second."""
 _CHUNK = 200_000
 """Points that are evaluated at once: 100 MB of Jacobians."""
 _COARSE = 20
@@ -58,14 +61,15 @@ class WorkspaceSamples(Brief):
         (N,) of bool: whether all legs are within their stroke, and the other joints of a chain within their limits
         [dimensionless].
     clearance
-        (N,) least distance of a leg length from a limit, negative outside [m].
+        (N,) least distance of a leg length from a limit, negative outside; of a motor elsewhere, angles times `length`
+        [m].
     limiting_leg
-        (N,) index of the leg that has this clearance, from 0.
+        (N,) index of the leg or motor that has this clearance, from 0.
     limiting_end
         (N,) -1 where its least length limits, +1 where its greatest does [dimensionless].
     condition
-        (N,) condition number of the leg Jacobian, moments divided by `length`; infinite where it is singular
-        [dimensionless].
+        (N,) condition number of the leg Jacobian, moments divided by `length`; elsewhere of the motors' rates per
+        motion of the platform in the axes of `FreedomCount`; infinite where it is singular [dimensionless].
     determinant_sign
         (N,) sign of its determinant; it changes where a singularity is crossed, and is 0 on one [dimensionless].
     index
@@ -77,7 +81,7 @@ class WorkspaceSamples(Brief):
     bounds
         (2, 3) least and greatest x, y, z that the legs allow, to a coarse cell, outwards [m].
     volume
-        Of the cells whose centre is inside [m³].
+        Of the cells whose centre is inside; one layer of cells where a platform keeps to a plane or a line [m³].
     volume_error
         Standard error of `volume`, as if one random point decided for each cell that the boundary cuts [m³].
     volume_bounds
@@ -87,6 +91,8 @@ class WorkspaceSamples(Brief):
         Number of separate parts with a hundredth of the points or more each; single cells on sharp edges do not count.
     length
         Length that makes turning and shifting comparable [m].
+    limits
+        What `limiting_leg` counts: legs, or the motors by name.
     """
 
     position: FloatArray
@@ -105,6 +111,7 @@ class WorkspaceSamples(Brief):
     volume_bounds: tuple[float, float]
     pieces: int
     length: float
+    limits: tuple[str, ...] = tuple(f"leg {k + 1}" for k in range(6))
 
     @property
     def dexterity(self) -> FloatArray:
@@ -134,16 +141,18 @@ def sample_workspace(
     spacing: float | None = None,
     length: float | None = None,
     kernels: bool | None = None,
+    start: ArrayLike | None = None,
 ) -> WorkspaceSamples:
     """Sample the positions that a platform can take at one orientation.
 
     Parameters
     ----------
     hexapod
-        Geometry; or a chain of six legs, in the world frame, whose limits then count: of the strokes unless others are
+        Geometry; or a chain, in the world frame, whose limits then count: of the strokes of six legs unless others are
         given, and of passive joints and joints that close loops, for which `inverse_kinematics` is asked at every point
         inside the strokes, from its neighbour on. It is asked for the lengths too, where no closed form stands for the
-        chain (`closed_forms`).
+        chain (`closed_forms`). A platform on anything but six legs is led from home, or `start`, from cell to cell
+        within its limits: a part that is not connected with it, or lies beyond a singularity, is not found.
     rotation
         (3, 3) platform axes in the base frame.
     stroke
@@ -158,20 +167,38 @@ def sample_workspace(
         Length that divides the moments of the Jacobian; default: root mean square distance of the platform points
         from the platform origin [m].
     kernels
-        Whether compiled code computes the leg lengths; None: for grids of millions of points.
+        Whether compiled code answers; None: for grids of millions of points, and for platforms on anything but six
+        legs wherever the motors alone have limits.
+    start
+        (3,) platform origin from which a platform on anything but six legs is led; default: that of home [m].
 
     Returns
     -------
     WorkspaceSamples
-        The points, and the volume. Empty, with volume 0, when the legs do not meet anywhere.
+        The points, and the volume. Empty, with volume 0, when six legs do not meet anywhere.
 
     Raises
     ------
     InputError
-        If the stroke is empty or not stated, or the spacing asks for more than twenty million points.
+        If the stroke is empty or not stated, the spacing asks for more than twenty million points (led: two hundred
+        thousand), or an argument is for six legs only, or for others.
+    UnsupportedError
+        If the platform cannot shift without turning.
+    ClosureError
+        If it does not reach `start` with these axes.
+    UnreachableError
+        If it does beyond its limits.
     """
     rotation = as_rotation("rotation", as_array("rotation", rotation, (3, 3)))
     chain = hexapod if isinstance(hexapod, ClosedChain) else None
+    if chain is not None and admission(chain, "leg_lengths").geometry is None:
+        if stroke is not None or sheet != "upper":
+            raise InputError(f"stroke and sheet are for six legs, which '{chain.name}' has not")
+        return _grown(chain, rotation, start, spacing, length, kernels)
+    if start is not None:
+        raise InputError(
+            "start is for platforms on anything but six legs: the workspace of these is found as a whole"
+        )
     joints = chain is not None and _others_limited(chain)
     if isinstance(hexapod, ClosedChain):
         hexapod = Hexapod.from_chain(hexapod)
@@ -205,6 +232,78 @@ def sample_workspace(
     quality = partial(_quality, hexapod, rotation, length, measured)
     samples = _evaluate(quality, lengths, strokes, start, bounds, shape, spacing, length)
     return _judged(chain, rotation, samples) if chain is not None and joints else samples
+
+
+def _grown(
+    chain: ClosedChain,
+    rotation: FloatArray,
+    start: ArrayLike | None,
+    spacing: float | None,
+    length: float | None,
+    kernels: bool | None,
+) -> WorkspaceSamples:
+    """Lead the platform of any chain from cell to cell."""
+    home = platform_pose(chain, chain.q_home).translation
+    begin = np.array(home) if start is None else as_array("start", start, (3,))
+    growth = Growth(chain, rotation, begin, kernels=kernels)
+    length = chain.length_scale if length is None else as_positive("length", length)
+    if spacing is None:
+        spacing = growth.extent() / _FEWER
+    spacing = as_positive("spacing", spacing)
+    found = growth.cells(spacing, _MOST_LED)
+    low = found.index.min(axis=0)
+    shape = np.ptp(found.index, axis=0) + 1
+    clearance, motor, end = _motor_clearance(chain, found.motors, length)
+    condition, sign = _motor_quality(chain, found, length)
+    position = growth.start + spacing * found.index
+    filled = np.zeros(shape, dtype=bool)
+    filled[tuple((found.index - low)[found.inside].T)] = True
+    kept = position[found.inside]
+    cell = spacing**3
+    return WorkspaceSamples(
+        position=position,
+        inside=found.inside,
+        clearance=clearance,
+        limiting_leg=motor,
+        limiting_end=end,
+        condition=condition,
+        determinant_sign=sign,
+        index=found.index - low,
+        shape=(int(shape[0]), int(shape[1]), int(shape[2])),
+        spacing=spacing,
+        bounds=np.array([kept.min(axis=0), kept.max(axis=0)]) + spacing * np.array([[-1.0], [1.0]]),
+        volume=float(np.count_nonzero(found.inside) * cell),
+        volume_error=float(np.sqrt(1.5 * _cut(filled) / 6.0) * cell),
+        volume_bounds=(0.0, float("inf")),
+        pieces=_pieces(filled),
+        length=length,
+        limits=chain.motors,
+    )
+
+
+def _motor_clearance(
+    chain: ClosedChain, read: FloatArray, length: float
+) -> tuple[FloatArray, np.ndarray, np.ndarray]:
+    """Least distance of a motor from a limit, the motor, and the end of its range; angles times a length."""
+    bounds = chain.limits.bounds("position", chain.motor_index)
+    sizes = np.where(chain.tangent_scale[chain.motor_index] == 1.0, length, 1.0)
+    ends = np.concatenate([read - bounds[:, 0], bounds[:, 1] - read], axis=1) * np.tile(sizes, 2)
+    worst = ends.argmin(axis=1)
+    least = np.take_along_axis(ends, worst[:, None], axis=1)[:, 0]
+    return least, worst % chain.nu, np.where(worst < chain.nu, -1, 1)
+
+
+def _motor_quality(chain: ClosedChain, found: GrownCells, length: float) -> tuple[FloatArray, np.ndarray]:
+    """Condition number of the motors' rates per motion of the platform, and the sign of their determinant."""
+    motors = np.where(chain.tangent_scale[chain.motor_index] == 1.0, length, 1.0)
+    jacobian = found.jacobian * motors[:, None] / np.repeat([1.0, length], 3)[found.axes]
+    singular = np.linalg.svd(jacobian, compute_uv=False)
+    regular = singular[:, -1] > _NOISE * singular[:, 0]
+    condition = np.divide(singular[:, 0], singular[:, -1], out=np.full(len(singular), np.inf), where=regular)
+    if jacobian.shape[1] != jacobian.shape[2]:  # spare motors: no determinant
+        return condition, regular.astype(int)
+    determinant = np.linalg.det(jacobian)
+    return condition, np.where(np.abs(determinant) < _SINGULAR, 0, np.sign(determinant)).astype(int)
 
 
 def _strokes(chain: ClosedChain | None, stroke: ArrayLike | None) -> FloatArray:

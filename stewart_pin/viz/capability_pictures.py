@@ -295,7 +295,7 @@ def plot_workspace(samples: WorkspaceSamples) -> Any:
         *samples.position[edge].T, c=_patch_colours(samples)[edge], s=4, depthshade=False, linewidths=0,
         rasterized=True,
     )  # fmt: skip
-    skin.set_title("boundary, by the leg that limits", fontsize=10)
+    skin.set_title("boundary, by what limits", fontsize=10)
     _legend(figure, samples, edge)
     extent = np.ptp(samples.position[samples.inside], axis=0)
     for axis in (cloud, skin):
@@ -378,7 +378,7 @@ def _patch_colours(samples: WorkspaceSamples) -> np.ndarray:
     from matplotlib.colors import to_rgba  # noqa: PLC0415 - optional; new_figure has checked
 
     full = np.array([to_rgba(colour) for colour in _PATCHES])
-    colours = full[samples.limiting_leg]
+    colours = full[samples.limiting_leg % len(full)]
     short = samples.limiting_end < 0
     colours[short, :3] = 1 - 0.45 * (1 - colours[short, :3])
     return colours
@@ -389,11 +389,11 @@ def _legend(figure: Any, samples: WorkspaceSamples, chosen: np.ndarray) -> None:
 
     colours = _patch_colours(samples)
     handles = []
-    for end, word in ((1, "longest"), (-1, "shortest")):
-        for leg in range(6):
+    for end, word in ((1, "greatest"), (-1, "least")):
+        for leg, name in enumerate(samples.limits):
             found = np.flatnonzero(chosen & (samples.limiting_leg == leg) & (samples.limiting_end == end))
             if len(found):
-                label = f"leg {leg + 1} {word}"
-                mark = Line2D([], [], marker="o", linestyle="", color=tuple(colours[found[0]]), label=label)
+                colour = tuple(colours[found[0]])
+                mark = Line2D([], [], marker="o", linestyle="", color=colour, label=f"{name} {word}")
                 handles.append(mark)
     figure.legend(handles=handles, loc="outside lower center", ncols=6, frameon=False, fontsize=8)

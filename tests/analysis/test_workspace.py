@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import pinocchio as pin
 import pytest
+from scipy import ndimage
 
 import stewart_pin as stp
-from stewart_pin.errors import InputError
+from stewart_pin.errors import InputError, StewartPinError
 from stewart_pin.geometry.rotations import rotation_from_rpy
+from tests.closed_states import robot
 
 # S0.4: actuator output 0.7 to 1.2 m, plus 1.50147 m.
 STROKE = (2.20147, 2.70147)
@@ -179,3 +184,83 @@ def test_kernels_change_nothing(report_cad: stp.Hexapod) -> None:
     np.testing.assert_array_equal(runs[0].limiting_leg, runs[1].limiting_leg)
     with pytest.raises(InputError, match="kernels must be True, False or None"):
         stp.workspaces.sample_workspace(report_cad, turned, stroke=(2.2, 2.7), kernels="yes")  # type: ignore[arg-type]
+
+
+def around_home(inside: np.ndarray, cell: np.ndarray) -> np.ndarray:
+    """Cells that are connected with one by their faces."""
+    labels = ndimage.label(inside)[0]
+    return labels == labels[tuple(cell)]
+
+
+def cells_of(samples: stp.workspaces.WorkspaceSamples) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions of all cells of the grid, which of them are inside, and the cell of the first sample."""
+    index = np.stack(np.meshgrid(*map(np.arange, samples.shape), indexing="ij"), axis=-1)
+    position = samples.position[0] + samples.spacing * (index - samples.index[0])
+    filled = np.zeros(samples.shape, dtype=bool)
+    filled[tuple(samples.index[samples.inside].T)] = True
+    return position, filled, samples.index[0]
+
+
+@pytest.mark.parametrize("kernels", [None, pytest.param(False, marks=pytest.mark.slow)])
+def test_the_workspace_of_a_delta_is_that_of_its_cranks(kernels: bool | None) -> None:
+    """Judged by the closed form of crank angles, over the whole box."""
+    chain = robot("delta")
+    found = stp.workspaces.sample_workspace(chain, LEVEL, spacing=0.02, kernels=kernels)
+    position, filled, begin = cells_of(found)
+    legs, limits = stp.rotary.rotary_legs(chain), chain.limits.bounds("position", chain.motor_index)
+    angle = stp.rotary.crank_angles(legs, position, LEVEL, throw=False).angle[..., 0]
+    with np.errstate(invalid="ignore"):
+        expected = ((angle >= limits[:, 0]) & (angle <= limits[:, 1])).all(axis=-1)
+    assert filled.sum() > 500 and (~found.inside).sum() > 100
+    np.testing.assert_array_equal(filled, around_home(expected, begin))
+    at = found.inside
+    read = angle[tuple(found.index.T)]
+    ends = np.concatenate([read - limits[:, 0], limits[:, 1] - read], axis=1)
+    np.testing.assert_allclose(found.clearance[at], found.length * ends.min(axis=1)[at], atol=1e-12)
+    assert found.limits == chain.motors
+
+
+def test_a_planar_platform_has_one_layer_of_cells() -> None:
+    """Judged by the lengths of its legs; rates of the legs per shift and turn are those of finite differences."""
+    chain = robot("rpr_planar")
+    pose = stp.platform_pose(chain, chain.q_home)
+    found = stp.workspaces.sample_workspace(chain, pose.rotation, spacing=0.7)
+    position, filled, begin = cells_of(found)
+    assert 1 in found.shape
+    platform, (sign, offset) = stp.planar.planar_rpr(chain), chain.leg_readings
+
+    def read(x: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+        return sign * (stp.planar.planar_leg_lengths(platform, *platform.coordinates(x, rotation)) - offset)
+
+    limits = chain.limits.bounds("position", chain.motor_index)
+    lengths = read(position, np.broadcast_to(pose.rotation, (*position.shape, 3)))
+    expected = ((lengths >= limits[:, 0]) & (lengths <= limits[:, 1])).all(axis=-1)
+    np.testing.assert_array_equal(filled, around_home(expected, begin))
+    k, step = int(np.flatnonzero(found.inside)[7]), 1e-6
+    normal = int(np.argmin(found.shape))
+    columns = []
+    for axis in range(3):
+        turn = pin.exp3(step * np.eye(3)[normal]) if axis == normal else np.eye(3)
+        shift = np.zeros(3) if axis == normal else step * np.eye(3)[axis]
+        ends = [
+            read(found.position[k] + s * shift, (turn if s > 0 else turn.T) @ pose.rotation) for s in (1, -1)
+        ]
+        columns.append((ends[0] - ends[1]) / (2 * step) / (found.length if axis == normal else 1.0))
+    assert found.condition[k] == pytest.approx(np.linalg.cond(np.column_stack(columns)), rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("delta", {"stroke": (0.1, 0.2)}, "stroke and sheet are for six legs"),
+        ("delta", {"start": (0, 0, 9)}, "cannot be met"),
+        ("delta", {"spacing": 1e-4}, "more than 200000 cells"),
+        ("five_bar", {}, "does not shift along an axis of the world without turning"),
+        ("stewart", {"start": (0, 0, 1)}, "start is for platforms on anything but six legs"),
+    ],
+)
+def test_bad_input_of_any_chain_is_named(name: str, options: dict[str, Any], words: str) -> None:
+    chain = robot(name)
+    level = stp.platform_pose(chain, chain.q_home).rotation
+    with pytest.raises(StewartPinError, match=words):
+        stp.workspaces.sample_workspace(chain, level, **options)
