@@ -25,7 +25,7 @@ def test_workspace_picture_shows_inside_and_boundary(samples: stp.workspaces.Wor
     assert 0 < len(shades) < np.count_nonzero(samples.inside)
     assert shades.max() <= samples.dexterity[samples.inside].max()
     (legend,) = figure.legends
-    assert "leg 4 shortest" in {text.get_text() for text in legend.get_texts()}
+    assert "leg 4 least" in {text.get_text() for text in legend.get_texts()}
 
 
 @pytest.mark.parametrize("count", [1, 4])
