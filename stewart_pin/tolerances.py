@@ -47,3 +47,10 @@ NO_INERTIA = 1e-12
 
 TAKES_PART = 1e-8
 """Share of a motion, of norm one, below which a joint or a link does not take part: round-off of null spaces."""
+
+UNIT_QUATERNION = 1e-6
+"""Deviation from unit length that printed or integrated quaternions may show."""
+
+FAR_FROM_SINGULAR = 1e-4
+"""Reciprocal condition number of a square system, such as the rows of loops and motors, from which on no singularity
+is near: a hundred times `SINGULAR`, since it is estimated, in another norm."""

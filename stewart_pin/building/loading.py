@@ -21,7 +21,8 @@ from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.roles import platform_candidates
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import keep_odd_inertias, validate
-from stewart_pin.state.chain import ClosedChain, as_pose
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.configurations import as_pose
 from stewart_pin.state.state import as_chain
 from stewart_pin.typing import ArrayLike
 

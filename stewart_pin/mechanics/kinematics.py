@@ -12,7 +12,8 @@ from scipy.linalg import get_lapack_funcs
 from stewart_pin.checks import as_array
 from stewart_pin.errors import ClosureError, SingularityError, UnreachableError
 from stewart_pin.mechanics.forward_solutions import ForwardSolutions, all_forward_kinematics
-from stewart_pin.state.chain import ClosedChain, as_pose
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.configurations import as_pose
 from stewart_pin.state.freedom import TWIST_AXES, Motions, OwnMotion, split_motions
 from stewart_pin.state.newton import Closure, close_loops
 from stewart_pin.state.paths import follow_path, motor_path, pose_path

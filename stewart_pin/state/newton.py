@@ -17,8 +17,8 @@ import pinocchio as pin
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_count, as_positive
 from stewart_pin.errors import ClosureError
-from stewart_pin.state.chain import ClosedChain, as_configuration
-from stewart_pin.state.state import State, as_chain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State, as_chain, as_configuration
 from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
