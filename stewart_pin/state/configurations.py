@@ -12,11 +12,8 @@ from stewart_pin.errors import InputError
 from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.tolerances import UNIT_QUATERNION
+from stewart_pin.tolerances import AT_LIMIT, UNIT_QUATERNION
 from stewart_pin.typing import ArrayLike, Configuration
-
-_AT_LIMIT = 1e-9
-"""Excess over a joint limit that is round-off [rad]."""
 
 
 def clipped(chain: ClosedChain, q: Configuration) -> Configuration:
@@ -91,10 +88,10 @@ def unwound(chain: ClosedChain, q: Configuration, *, asked: Collection[str] = ()
             at = chain.model.joints[chain.model.getJointId(joint.name)].idx_q
             turns = np.round(q[at] / (2 * np.pi)) if abs(q[at]) > np.pi else 0.0
             value = q[at] - 2 * np.pi * turns
-            if value < joint.lower - _AT_LIMIT:
-                value += 2 * np.pi * np.ceil((joint.lower - _AT_LIMIT - value) / (2 * np.pi))
-            elif value > joint.upper + _AT_LIMIT:
-                value -= 2 * np.pi * np.ceil((value - joint.upper - _AT_LIMIT) / (2 * np.pi))
+            if value < joint.lower - AT_LIMIT:
+                value += 2 * np.pi * np.ceil((joint.lower - AT_LIMIT - value) / (2 * np.pi))
+            elif value > joint.upper + AT_LIMIT:
+                value -= 2 * np.pi * np.ceil((value - joint.upper - AT_LIMIT) / (2 * np.pi))
             q[at] = value
     return q
 

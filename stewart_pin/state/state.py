@@ -27,15 +27,7 @@ from stewart_pin.state.loop_rows import (
 )
 from stewart_pin.state.relative_motion import platform_jacobian, platform_jacobian_rate
 from stewart_pin.state.scratch import Scratch, once
-from stewart_pin.tolerances import (
-    CONSISTENT,
-    DIGITS,
-    EPS,
-    NO_INERTIA,
-    ROUND_OFF_STEPS,
-    SINGULAR,
-    UNIT_QUATERNION,
-)
+from stewart_pin.tolerances import CONSISTENT, DIGITS, NO_INERTIA, ROUND_OFF, SHOWN, SINGULAR, UNIT_QUATERNION
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 if TYPE_CHECKING:
@@ -172,7 +164,7 @@ class State:
         chain = self.chain
         reach = float(np.abs(self.loops.origin2).max(initial=0.0))
         turned = float(np.abs(self.q[chain.hinge_q_index]).max(initial=0.0))
-        return ROUND_OFF_STEPS * EPS * max(1.0, reach / chain.length_scale, turned)
+        return ROUND_OFF * max(1.0, reach / chain.length_scale, turned)
 
     # -- platform ------------------------------------------------------------------------------------------------
 
@@ -647,7 +639,7 @@ def named_motion(chain: ClosedChain, direction: FloatArray) -> str:
     order = np.argsort(-np.abs(direction))[:6]
     largest = np.abs(direction).max()
     return ", ".join(
-        f"{chain.tangent_names[k]} {direction[k]:+.3g}" for k in order if abs(direction[k]) > 1e-6 * largest
+        f"{chain.tangent_names[k]} {direction[k]:+.3g}" for k in order if abs(direction[k]) > SHOWN * largest
     )
 
 
