@@ -18,6 +18,10 @@ ROUND_OFF_STEPS = 64
 """Units of round-off that placing a chain of joints may cost: the floor of every gap, where a small robot stands far
 from the origin."""
 
+ROUND_OFF = ROUND_OFF_STEPS * EPS
+"""How far beyond reach a leg or an arm counts as just stretched, and by how much lengths that are one may differ,
+relative to the lengths they are computed from: what placing a chain may cost."""
+
 CONSISTENT = 1e-6
 """How far a state of a user may be from closed loops (per s, s²), relative where the state itself is larger: printed
 digits, not a wrong state."""
@@ -38,12 +42,49 @@ distance to a singularity is refused: three digits of the answer could not be pr
 NOTHING = 1e-11
 """Singular values below this are round-off at a configuration that is polished to the last bit."""
 
-GAP = 1e-6
-"""Ratio of neighbouring singular values, and size of the smaller one, from which on the larger belongs to the mechanism
-and the smaller to round-off: far from both, on a logarithmic scale."""
-
 NO_INERTIA = 1e-12
 """Inertia of a motion, relative to the largest, below which it has none: a thousand units of round-off."""
 
 TAKES_PART = 1e-8
 """Share of a motion, of norm one, below which a joint or a link does not take part: round-off of null spaces."""
+
+UNIT_QUATERNION = 1e-6
+"""Deviation from unit length that printed or integrated quaternions may show."""
+
+FAR_FROM_SINGULAR = 1e-4
+"""Reciprocal condition number of a square system, such as the rows of loops and motors, from which on no singularity
+is near: a hundred times `SINGULAR`, since it is estimated, in another norm."""
+
+JACOBIAN_SINGULAR = 1e-12
+"""Smallest over largest singular value of a Jacobian of legs or actuators below which solving it returns noise: some
+thousand units of round-off."""
+
+ROOT_BAND = 0.05
+"""Distance from the unit circle within which a root may be a real one, scattered: six-fold by round-off to the power
+1/6."""
+
+CONTRACTION = 0.25
+"""Largest ratio of the second Newton step to the first where a branch is certainly kept: half the radius of the theorem
+of Newton and Kantorovich for the first."""
+
+SHORTEST_STRETCH = 1e-5
+"""Share of a path below which a stretch is not shortened any more: where so short a one fails, there is a
+singularity."""
+
+AT_LIMIT = 1e-9
+"""Excess over a limit that is still round-off: of positions in robot sizes or radians, of the rest as a share of the
+limit."""
+
+HOME_IN_FILE = 1e-3
+"""How far closing the loops may move a joint of a home printed with few digits, and how far home may stand outside a
+range, in robot sizes and radians: what three printed digits may cost. More is an error."""
+
+NO_DIRECTION = 1e-12
+"""Length below which an axis or a quaternion of a file has no direction: what is left of round-off of numbers that
+cancel, while a length that is meant is about one."""
+
+SHOWN = 1e-6
+"""Share of the largest entry below which an entry is not spelled out: round-off, that would hide what matters."""
+
+WHOLE_STEPS = 1e-6
+"""How far a duration may be from a whole number of steps, relative to it: printed digits, not another step."""

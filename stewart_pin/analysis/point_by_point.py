@@ -16,10 +16,10 @@ from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.mechanics.kinematics import inverse_kinematics, motor_jacobian
 from stewart_pin.programs.status import StateStatus
-from stewart_pin.state.chain import ClosedChain, as_configuration
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import AT_LIMIT
 from stewart_pin.state.newton import close_loops
-from stewart_pin.state.state import as_chain
+from stewart_pin.state.state import as_chain, as_configuration
 from stewart_pin.tolerances import PRINTED
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 

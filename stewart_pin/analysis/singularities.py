@@ -30,10 +30,10 @@ from stewart_pin.mechanics.singularity import (
     signed_measure,
     split_jacobians,
 )
-from stewart_pin.state.chain import ClosedChain, as_configuration
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import TWIST_AXES, TwistAxis
 from stewart_pin.state.generic import generic_freedom
-from stewart_pin.state.state import as_chain
+from stewart_pin.state.state import as_chain, as_configuration
 from stewart_pin.typing import ArrayLike, Configuration
 
 _SHORTEST = 1e-6

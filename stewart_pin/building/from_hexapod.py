@@ -15,7 +15,8 @@ from stewart_pin.errors import FileFormatError, FileMissingError, InputError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY, Hexapod
 from stewart_pin.geometry.hexapod_dynamics import LowerJoint
 from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
-from stewart_pin.state.chain import ClosedChain, as_pose
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.configurations import as_pose
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _SWING = 1.5

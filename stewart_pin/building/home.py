@@ -15,7 +15,7 @@ from stewart_pin.state.configurations import clipped, random_configuration, unwo
 from stewart_pin.state.limits import Excess
 from stewart_pin.state.newton import Closure, close_at_precision, displaced, polish
 from stewart_pin.state.state import State
-from stewart_pin.tolerances import CLOSED
+from stewart_pin.tolerances import CLOSED, HOME_IN_FILE
 from stewart_pin.typing import BoolArray, Configuration, FloatArray
 
 _ATTEMPTS = 16
@@ -27,9 +27,6 @@ _ROUNDS = 10
 _LEAP = 0.6
 """How far a joint of an assembled pose is moved at once towards its range, in robot sizes or radians; also the largest
 bounded Gauss-Newton step."""
-_CLOSED_IN_FILE = 1e-3
-"""How far closing the loops may move a joint of a home printed with few digits, in robot sizes and radians; also how
-far home may stand outside a joint limit. More is an error."""
 _ENOUGH = 1e-6
 """Gap from which on Newton's method closes the rest without moving a joint noticeably."""
 
@@ -58,7 +55,7 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
         If the loops do not close, or only beyond the joint limits, or with a loop's axes against each other.
     """
     settled = _settle_assembled(chain) if chain.mechanism.assembled else _settle(chain)
-    beyond = settled.judge.positions(settled.q_home, slack=_CLOSED_IN_FILE)
+    beyond = settled.judge.positions(settled.q_home, slack=HOME_IN_FILE)
     names = settled.limits.names[chain.nv :]
     notes = [
         Note(f"joint '{excess.joint}'", f"home is beyond its limits: {excess}", Outcome.KEPT)
@@ -391,8 +388,8 @@ def _room(
             # A start outside its range, as a home with few digits may be, is not thrown back at once.
             lower[k], upper[k] = max(lower[k], min(low, 0.0)), min(upper[k], max(high, 0.0))
     moved = pin.difference(chain.model, guess, q) / chain.tangent_scale
-    lower[given] = -0.9 * _CLOSED_IN_FILE - moved[given]
-    upper[given] = 0.9 * _CLOSED_IN_FILE - moved[given]
+    lower[given] = -0.9 * HOME_IN_FILE - moved[given]
+    upper[given] = 0.9 * HOME_IN_FILE - moved[given]
     return np.minimum(lower, -1e-12), np.maximum(upper, 1e-12)
 
 
@@ -424,7 +421,7 @@ def _no_home(chain: ClosedChain, guess: Configuration, given: BoolArray, fault: 
 
 def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, given: BoolArray) -> str:
     moved = np.abs(pin.difference(chain.model, guess, q) / chain.tangent_scale) * given
-    if moved.max(initial=0.0) <= _CLOSED_IN_FILE:
+    if moved.max(initial=0.0) <= HOME_IN_FILE:
         return ""
     worst = int(np.argmax(moved))
     return f"closing them moves joint '{chain.tangent_names[worst]}' by {moved[worst]:.3g} robot sizes or radians"
@@ -448,4 +445,4 @@ def _beyond_limits(chain: ClosedChain, q: Configuration) -> str:
 def _outside(chain: ClosedChain, q: Configuration, entries: np.ndarray | None = None) -> tuple[Excess, ...]:
     """List joints of the tree beyond their ranges; a home with few digits may be so by what it lacks."""
     looked_at = np.arange(chain.nv) if entries is None else entries
-    return chain.judge.positions(q, slack=_CLOSED_IN_FILE, entries=looked_at)
+    return chain.judge.positions(q, slack=HOME_IN_FILE, entries=looked_at)

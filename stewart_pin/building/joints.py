@@ -25,9 +25,7 @@ from stewart_pin.model.tree import set_limits
 from stewart_pin.model.validation import validate
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import as_chain
-
-_AT_HOME = 1e-3
-"""How far home may stand outside a range, in robot sizes and radians: what printed digits may cost."""
+from stewart_pin.tolerances import HOME_IN_FILE
 
 
 def with_limits(
@@ -85,7 +83,7 @@ def with_limits(
             mechanism = _changed(mechanism, chain, name, kind, value)
     validate(mechanism)
     changed = replace(chain, mechanism=mechanism, model=set_limits(chain.model, mechanism))
-    beyond = changed.judge.positions(changed.q_home, slack=_AT_HOME)
+    beyond = changed.judge.positions(changed.q_home, slack=HOME_IN_FILE)
     if beyond:
         raise MechanismError(
             f"home of '{chain.name}' has {'; '.join(map(str, beyond))}; choose wider limits, or another home first",

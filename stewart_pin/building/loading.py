@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.building.home import settle_home
 from stewart_pin.building.joints import with_rotors_of
 from stewart_pin.building.printed_digits import settle_printed
 from stewart_pin.checks import as_array, as_positive
@@ -21,7 +22,8 @@ from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.roles import platform_candidates
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import keep_odd_inertias, validate
-from stewart_pin.state.chain import ClosedChain, as_pose
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.configurations import as_pose
 from stewart_pin.state.state import as_chain
 from stewart_pin.typing import ArrayLike
 
@@ -133,8 +135,8 @@ def build_chain(
         If it is no mechanism.
     """
     if gravity is None:
-        gravity = STANDARD_GRAVITY if mechanism.gravity is None else mechanism.gravity
-    gravity = as_array("gravity", gravity, (3,))
+        gravity = mechanism.gravity
+    gravity = STANDARD_GRAVITY if gravity is None else as_array("gravity", gravity, (3,))
     validate(mechanism)
     # Pinocchio 4.1 crashes on frame Jacobians of a model without freedoms.
     if all(joint.kind is JointKind.FIXED for joint in mechanism.joints):
@@ -151,7 +153,7 @@ def build_chain(
         platform=_platform(mechanism, platform),
         q_home=np.zeros(model.nq),
     )
-    return settle_printed(chain, forgiven)
+    return settle_printed(chain, forgiven) if forgiven else settle_home(chain)
 
 
 def _motors(mechanism: Mechanism, motors: Sequence[str] | None) -> tuple[str, ...]:

@@ -15,9 +15,10 @@ from stewart_pin.model.description import Coupling, Joint, JointKind, Link
 from stewart_pin.model.tree import build_tree, link_frame
 from stewart_pin.model.unfolding import fixed_to
 from stewart_pin.model.validation import is_massless, validate
-from stewart_pin.state.chain import ClosedChain, as_configuration, as_pose
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.configurations import as_pose
 from stewart_pin.state.newton import close_loops
-from stewart_pin.state.state import as_chain
+from stewart_pin.state.state import as_chain, as_configuration
 from stewart_pin.typing import ArrayLike, Configuration
 
 

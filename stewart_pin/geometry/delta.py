@@ -18,12 +18,11 @@ from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError, SingularityError, UnreachableError
 from stewart_pin.geometry.rotary import RotaryLegs, crank_vectors
+from stewart_pin.tolerances import ROUND_OFF
 from stewart_pin.typing import ArrayLike, BoolArray, FloatArray
 
 _IN_LINE = 1e-12
 """Area over the squares of rod and longest side below which three knees stand in line, or at one point."""
-_ROUND_OFF = 64 * np.finfo(float).eps
-"""How much too short rods may be and still count as just meeting, relative to the squares of the lengths involved."""
 
 
 def delta_legs(
@@ -148,7 +147,7 @@ def delta_positions(legs: RotaryLegs, angle: ArrayLike, *, throw: bool = True) -
     right = np.concatenate([sums, np.zeros((*area.shape, 1))], axis=-1)
     foot = np.linalg.solve(system, right[..., None])[..., 0]
     rise2 = legs.rods[0] ** 2 - np.sum(foot**2, axis=-1)
-    success = np.asarray(rise2 >= -_ROUND_OFF * (legs.rods[0] ** 2 + size**2))
+    success = np.asarray(rise2 >= -ROUND_OFF * (legs.rods[0] ** 2 + size**2))
     if throw and not success.all():
         worst = np.unravel_index(int(np.argmin(rise2)), success.shape)
         apart = float(np.linalg.norm(foot[worst]))

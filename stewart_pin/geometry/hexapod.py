@@ -21,6 +21,7 @@ from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_batch, as_positive, require_broadcast
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.geometry.rotations import as_rotation
+from stewart_pin.tolerances import JACOBIAN_SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:
@@ -28,9 +29,6 @@ if TYPE_CHECKING:
     class _HasLegPoints(Protocol):
         def leg_points(self) -> tuple[FloatArray, FloatArray]: ...
 
-
-_SINGULAR = 1e-12
-"""Smallest over largest singular value of a leg Jacobian below which solving it returns noise."""
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """Gravity of the package's robots, in the world frame [m/s²]."""
@@ -242,7 +240,7 @@ def leg_forces_for_wrench(jacobian: FloatArray, wrench: ArrayLike) -> FloatArray
     wrench = as_batch("wrench", wrench, (6,))
     singular = np.linalg.svd(jacobian, compute_uv=False)
     worst = singular[..., -1] / singular[..., 0]
-    if (worst < _SINGULAR).any():
+    if (worst < JACOBIAN_SINGULAR).any():
         smallest = float(singular[..., -1].ravel()[np.argmin(worst)])
         raise SingularityError(
             f"the legs cannot carry every wrench here: the leg Jacobian is singular "

@@ -21,7 +21,6 @@ from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
 from stewart_pin.geometry.planar import PlanarRPR, leg_system, planar_leg_lengths
 from stewart_pin.geometry.planar_polynomial import (
-    ROUND_OFF,
     Legs,
     as_lengths,
     laurent,
@@ -31,6 +30,7 @@ from stewart_pin.geometry.planar_polynomial import (
     pose_terms,
     reduced_legs,
 )
+from stewart_pin.tolerances import ROUND_OFF
 from stewart_pin.typing import ArrayLike, BoolArray, ComplexArray, FloatArray, IntArray
 
 # ----------------------------------------------------------------------------------------------------

@@ -19,10 +19,8 @@ import numpy as np
 from stewart_pin.checks import as_array, as_batch
 from stewart_pin.errors import InputError
 from stewart_pin.geometry.planar import Equations, PlanarRPR, leg_system, strong_newton, valley_newton
+from stewart_pin.tolerances import ROOT_BAND, ROUND_OFF
 from stewart_pin.typing import ArrayLike, BoolArray, ComplexArray, FloatArray, IntArray
-
-ROUND_OFF = 64 * np.finfo(float).eps
-"""Misfit of a leg length that counts as zero, per largest length in the problem."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,8 +243,6 @@ def _product(a: ComplexArray, b: ComplexArray) -> ComplexArray:
 # hold halfway between as well.
 # ----------------------------------------------------------------------------------------------------
 
-_BAND = 0.05
-"""A root closer to the unit circle may be a real one, scattered: six-fold by round-off to the power 1/6."""
 
 _SCATTER = 1e4 * np.finfo(float).eps
 """An m-fold root scatters its eigenvalues over a disc of about this radius to the power 1/m."""
@@ -291,7 +287,7 @@ def near_circle(roots: ComplexArray, coefficients: ComplexArray) -> tuple[BoolAr
     distance[distance == np.inf] = 1.0
     error = _SCATTER * np.abs(coefficients).sum(axis=-1) / np.abs(coefficients[:, -1])
     complex_for_certain = offset**2 * distance.prod(axis=-1) > error[:, None]
-    doubtful = np.where(real, nearest < 1e-4, (offset < _BAND) & ~complex_for_certain)
+    doubtful = np.where(real, nearest < 1e-4, (offset < ROOT_BAND) & ~complex_for_certain)
     return real, doubtful.any(axis=-1)
 
 
@@ -310,7 +306,7 @@ def one_by_one(legs: Legs) -> list[tuple[complex, float, int]]:
     """
     b, d, p = legs.anchors[0], legs.corners[0], legs.lengths[0]
     roots = unit_circle_roots(pose_polynomial(legs)[0])
-    close = roots[np.abs(np.abs(roots) - 1.0) < _BAND]
+    close = roots[np.abs(np.abs(roots) - 1.0) < ROOT_BAND]
     if not len(close):
         return []
     start = np.array([[w.real, w.imag, t] for t in np.angle(close) for w in _circle_starts(b, d, p, t)])

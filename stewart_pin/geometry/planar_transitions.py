@@ -20,14 +20,13 @@ from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.geometry.planar import PlanarRPR, merging_system, planar_leg_lengths, valley_newton
 from stewart_pin.geometry.planar_modes import planar_assembly_modes_batch
-from stewart_pin.geometry.planar_polynomial import ROUND_OFF, as_lengths, reduced_legs, unit_circle_roots
+from stewart_pin.geometry.planar_polynomial import as_lengths, reduced_legs, unit_circle_roots
+from stewart_pin.tolerances import ROOT_BAND, ROUND_OFF
 from stewart_pin.typing import ArrayLike, ComplexArray, FloatArray, IntArray
 
 _SAMPLES = 16
 """Points on the unit circle that fix a Laurent polynomial of powers -6 … 6, rounded up for the transform."""
 
-_BAND = 0.05
-"""Distance from the unit circle within which a root may be a scattered real one."""
 
 _EQUAL = 1e-12
 """Two transitions closer than this, per largest length, are one."""
@@ -213,7 +212,7 @@ def _critical_angles(b: ComplexArray, d: ComplexArray, p: FloatArray, leg: int) 
         norm = big_q
     coefficients = np.fft.fftshift(np.fft.fft(norm)) / _SAMPLES
     roots = unit_circle_roots(coefficients[_SAMPLES // 2 - 6 : _SAMPLES // 2 + 7])
-    return first + np.angle(roots[np.abs(np.abs(roots) - 1.0) < _BAND])
+    return first + np.angle(roots[np.abs(np.abs(roots) - 1.0) < ROOT_BAND])
 
 
 def _parallelogram_extremes(b: ComplexArray, d: ComplexArray, p: FloatArray, leg: int) -> FloatArray:

@@ -18,14 +18,13 @@ from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_batch, as_positive, require_broadcast
 from stewart_pin.errors import InputError, SingularityError, UnreachableError
 from stewart_pin.geometry.rotations import as_rotation
+from stewart_pin.tolerances import ROUND_OFF
 from stewart_pin.typing import ArrayLike, BoolArray, FloatArray
 
 _SQUARE = 1e-9
 """Cosine between a crank's axis and its zero direction that is still round-off of printed figures."""
 _SINGULAR = 1e-12
 """Sine of the angle between rod and crank below which the crank is at a dead centre."""
-_ROUND_OFF = 64 * np.finfo(float).eps
-"""How far beyond its reach a leg counts as just stretched, relative to the lengths involved."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -166,7 +165,7 @@ def crank_angles(
     across2 = np.maximum(distance2 - in_plane**2, 0.0)
     nearest = np.sqrt(across2 + (in_plane - legs.cranks) ** 2)
     farthest = np.sqrt(across2 + (in_plane + legs.cranks) ** 2)
-    slack = _ROUND_OFF * (farthest + legs.rods)
+    slack = ROUND_OFF * (farthest + legs.rods)
     short, long = nearest - legs.rods, legs.rods - farthest
     shortage = np.where(short > slack, short, 0.0) - np.where(long > slack, long, 0.0)
     # By half the angle: within reach both sides of the fraction are positive, and no cosine has to be clipped.

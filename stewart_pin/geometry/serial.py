@@ -12,10 +12,8 @@ import numpy as np
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_batch, require_broadcast
 from stewart_pin.errors import InputError, SingularityError
+from stewart_pin.tolerances import ROUND_OFF
 from stewart_pin.typing import ArrayLike, FloatArray
-
-_ROUND_OFF = 64 * np.finfo(float).eps
-"""How near the wrist counts as on the edge of its reach, relative to the lengths it is computed from."""
 
 
 class ArmReach(StrEnum):
@@ -192,7 +190,7 @@ def planar_arm_pose(lengths: ArrayLike, angles: ArrayLike) -> tuple[FloatArray, 
 
 def _reach(one: float, two: float, distance: float, size: float) -> tuple[ArmReach, float]:
     """Sort a wrist distance; near an edge round-off decides nothing."""
-    slack = _ROUND_OFF * size
+    slack = ROUND_OFF * size
     outer, inner = one + two, abs(one - two)
     if abs(distance - outer) <= slack:
         return ArmReach.STRETCHED, 0.0
@@ -228,7 +226,7 @@ def _principal(angles: FloatArray) -> FloatArray:
 
 def _within(angles: FloatArray, limits: FloatArray) -> list[FloatArray]:
     """All full-turn copies of a configuration within limits."""
-    slack = _ROUND_OFF * 4 * np.pi
+    slack = ROUND_OFF * 4 * np.pi
     turn = 2 * np.pi
     choices: list[Sequence[float]] = []
     for value, (low, high) in zip(angles, limits, strict=True):

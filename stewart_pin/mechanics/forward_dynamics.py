@@ -18,8 +18,9 @@ from stewart_pin.errors import ConvergenceError, InputError, SingularityError, U
 from stewart_pin.mechanics.effort import Motion
 from stewart_pin.mechanics.inverse_dynamics import least_reactions
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.loop_rows import Drive
 from stewart_pin.state.pinocchio_constraints import reactions_from_pinocchio, unknown_to_pinocchio
-from stewart_pin.state.state import Drive, State, as_state, named_motion
+from stewart_pin.state.state import State, as_state, named_motion
 from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 

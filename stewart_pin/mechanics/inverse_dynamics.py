@@ -23,7 +23,8 @@ from stewart_pin.mechanics.effort import Effort
 from stewart_pin.model.limits import Limits
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
-from stewart_pin.state.state import Drive, State, as_state
+from stewart_pin.state.loop_rows import Drive
+from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 

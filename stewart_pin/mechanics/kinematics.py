@@ -12,12 +12,13 @@ from scipy.linalg import get_lapack_funcs
 from stewart_pin.checks import as_array
 from stewart_pin.errors import ClosureError, SingularityError, UnreachableError
 from stewart_pin.mechanics.forward_solutions import ForwardSolutions, all_forward_kinematics
-from stewart_pin.state.chain import ClosedChain, as_pose
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.configurations import as_pose
 from stewart_pin.state.freedom import TWIST_AXES, Motions, OwnMotion, split_motions
 from stewart_pin.state.newton import Closure, close_loops
 from stewart_pin.state.paths import follow_path, motor_path, pose_path
 from stewart_pin.state.state import State, as_chain, as_state
-from stewart_pin.tolerances import SINGULAR
+from stewart_pin.tolerances import FAR_FROM_SINGULAR, SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 _getrf, _gecon, _lange, _getrs = get_lapack_funcs(("getrf", "gecon", "lange", "getrs"), dtype=np.float64)
@@ -25,8 +26,6 @@ _CONSISTENT = 1e-8
 """Part of a demanded motion that may be left over by round-off, relative to its size."""
 _ALONG = 1e-6
 """Part of a twist beside an axis that is round-off of a configuration with closed loops, in natural units."""
-_FAR_FROM_SINGULAR = 1e-4
-"""Reciprocal condition number of a square system from which on no singularity is near."""
 
 
 def platform_pose(chain: ClosedChain | State, q: ArrayLike | None = None) -> pin.SE3:
@@ -316,7 +315,7 @@ class _Follower:
             matrix = np.concatenate([state.rows, self._rows])
             factors, pivots, info = _getrf(matrix)
             if info == 0 and _gecon(factors, _lange("1", matrix))[0] > max(
-                _FAR_FROM_SINGULAR, state.largest_gap
+                FAR_FROM_SINGULAR, state.largest_gap
             ):
                 self._factors = factors, pivots
                 return

@@ -28,7 +28,7 @@ from stewart_pin.mechanics.coordinates import (
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import OwnMotion, split_motions
 from stewart_pin.state.state import State, as_state, named_motion
-from stewart_pin.tolerances import SINGULAR
+from stewart_pin.tolerances import SHOWN, SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 # ----------------------------------------------------------------------------------------------------
@@ -233,7 +233,7 @@ def _dependent(chain: ClosedChain, chosen: Coordinates, seen: FloatArray, rank: 
     pivots = np.asarray(scipy.linalg.qr(seen.T, mode="r", pivoting=True)[-1])
     independent = [chosen.names[k] for k in sorted(pivots[:rank])]
     relation = " ".join(
-        f"{x:+.3g}·{name}" for x, name in zip(direction, chosen.names, strict=True) if abs(x) > 1e-6
+        f"{x:+.3g}·{name}" for x, name in zip(direction, chosen.names, strict=True) if abs(x) > SHOWN
     )
     remedy = (
         f"pass coordinates={independent}"

@@ -36,7 +36,7 @@ from stewart_pin.state.freedom import TWIST_AXES, FreedomCount, TwistAxis, count
 from stewart_pin.state.generic import generic_freedom
 from stewart_pin.state.newton import close_loops
 from stewart_pin.state.state import State, as_state
-from stewart_pin.tolerances import SINGULAR
+from stewart_pin.tolerances import SHOWN, SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray
 
 
@@ -201,9 +201,6 @@ def _measure(rows: FloatArray, domain: FloatArray, rank: int) -> Measure:
 # Twists and wrenches of the platform in words: which way it moves or is loaded worst
 # ----------------------------------------------------------------------------------------------------
 
-_SHOWN = 1e-6
-"""Entries smaller than this share of the largest are not spelled out."""
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Screw(Brief):
@@ -237,7 +234,7 @@ class Screw(Brief):
         return ", ".join(
             f"{name} {x:+.4g} {unit}"
             for name, x, unit in zip(self.names, self.values, self.units, strict=True)
-            if abs(x) > _SHOWN * most
+            if abs(x) > SHOWN * most
         )
 
 

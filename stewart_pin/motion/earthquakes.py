@@ -13,7 +13,7 @@ from stewart_pin.checks import as_array, as_count, as_positive
 from stewart_pin.errors import InputError
 from stewart_pin.motion.accelerograms import Accelerogram, accelerogram, correct_baseline, resample, scaled
 from stewart_pin.motion.trajectories import PlatformSamples
-from stewart_pin.state.chain import as_pose
+from stewart_pin.state.configurations import as_pose
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _AXES = ("x", "y", "z")

@@ -14,8 +14,9 @@ from stewart_pin.motion.joint_motion import asked_of_motors, asked_of_others
 from stewart_pin.motion.motor_demand import MotorDemand, motor_demand
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.limits import AT_LIMIT, Asked
+from stewart_pin.state.limits import Asked
 from stewart_pin.state.state import as_chain
+from stewart_pin.tolerances import AT_LIMIT
 from stewart_pin.typing import FloatArray
 
 _ACCURACY = 1e-6

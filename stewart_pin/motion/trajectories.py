@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError
-from stewart_pin.state.chain import as_pose
+from stewart_pin.state.configurations import as_pose
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _SIZES: dict[str, tuple[int, ...]] = {

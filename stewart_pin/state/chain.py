@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.checks import as_array
-from stewart_pin.errors import InputError, MissingRoleError
-from stewart_pin.geometry.rotations import as_rotation
+from stewart_pin.errors import MissingRoleError
 from stewart_pin.model.description import Coupling, Loop, Mechanism, Note, Report
 from stewart_pin.model.leg_points import leg_points, leg_readings
 from stewart_pin.model.limits import Limits, build_limits
@@ -24,7 +22,7 @@ from stewart_pin.state.generic import Generic, find_generic
 from stewart_pin.state.limits import Judge
 from stewart_pin.state.pinocchio_constraints import ConstrainedDynamics, unknown_to_pinocchio
 from stewart_pin.state.scratch import Pool, Scratch
-from stewart_pin.state.state import State
+from stewart_pin.state.state import State, checked_state
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 _WHEREVER_HOME_IS = (
@@ -48,8 +46,6 @@ _WHEREVER_HOME_IS = (
     + ("platform_support", "mass_unit", "mass_model", "scratches")
 )
 """What a chain finds out about itself that is the same for every home."""
-_UNIT_QUATERNION = 1e-6
-"""Deviation from unit length that printed or integrated quaternions may show."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,22 +109,22 @@ class ClosedChain:
         """What the file held and the chain does not; print it."""
         return Report(self.mechanism.notes)
 
-    @property
+    @cached_property
     def nq(self) -> int:
         """Size of the configuration."""
         return self.model.nq
 
-    @property
+    @cached_property
     def nv(self) -> int:
         """Size of the tangent."""
         return self.model.nv
 
-    @property
+    @cached_property
     def nu(self) -> int:
         """Number of motors."""
         return len(self.motors)
 
-    @property
+    @cached_property
     def nc(self) -> int:
         """Number of rows of loops and couplings."""
         return self.loop_table.size
@@ -421,12 +417,7 @@ class ClosedChain:
         >>> stp.inverse_dynamics(state).tau_motor.round(2)
         array([49.99, 49.99, 49.99, 49.99, 49.99, 49.99])
         """
-        return State(
-            self,
-            as_configuration(self, "q", q),
-            None if v is None else as_array("v", v, (self.nv,)),
-            None if a is None else as_array("a", a, (self.nv,)),
-        )
+        return checked_state(self, q, v, a)
 
     def described(self) -> Mechanism:
         """Return the description with this chain's own motors, platform, home and gravity written into it.
@@ -466,81 +457,3 @@ class ClosedChain:
     def leg_readings(self) -> tuple[FloatArray, FloatArray]:
         """What motors of legs read, length = offset + sign × reading: (nu,) signs and (nu,) offsets [m]."""
         return leg_readings(self.mechanism, self.motors, self.platform_link, self.q_home[self.motor_q_index])
-
-
-def as_configuration(chain: ClosedChain, name: str, q: ArrayLike) -> Configuration:
-    """Check a configuration at the door.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    name
-        Name of the argument, for the message.
-    q
-        (nq,) what the caller passed [m, rad, unit quaternions].
-
-    Returns
-    -------
-    numpy.ndarray
-        (nq,) the configuration as float64 [m, rad, unit quaternions].
-
-    Raises
-    ------
-    InputError
-        If the shape is wrong, an entry is not finite, or a quaternion is not of unit length.
-    """
-    q = as_array(name, q, (chain.nq,))
-    if not pin.isNormalized(chain.model, q, _UNIT_QUATERNION):
-        raise InputError(
-            f"{name} holds a quaternion that is not of unit length; pass pinocchio.normalize(model, q)"
-        )
-    return q
-
-
-def as_pose(name: str, pose: pin.SE3 | ArrayLike) -> pin.SE3:
-    """Check a placement at the door.
-
-    Parameters
-    ----------
-    name
-        Name of the argument, for the message.
-    pose
-        What the caller passed: a placement, seven numbers x y z qx qy qz qw, or a matrix (4, 4) [m].
-
-    Returns
-    -------
-    pinocchio.SE3
-        The placement.
-
-    Raises
-    ------
-    InputError
-        If it is no placement, or holds no finite numbers or no rotation.
-    """
-    placement: pin.SE3 = pose if isinstance(pose, pin.SE3) else _placed(name, pose)
-    as_array(f"{name}.translation", placement.translation, (3,))
-    as_rotation(f"{name}.rotation", placement.rotation)
-    return placement
-
-
-def _placed(name: str, pose: ArrayLike) -> pin.SE3:
-    """Make a placement of seven numbers or a matrix."""
-    wanted = f"{name} must be a pinocchio.SE3, seven numbers x y z qx qy qz qw, or a matrix (4, 4)"
-    try:
-        numbers = np.asarray(pose, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{wanted}, got {type(pose).__name__}") from None
-    if numbers.shape == (7,):
-        numbers = as_array(name, numbers, (7,))
-        if abs(float(np.linalg.norm(numbers[3:])) - 1.0) > _UNIT_QUATERNION:
-            raise InputError(
-                f"{name} holds a quaternion that is not of unit length, {numbers[3:]}; divide it by its norm"
-            )
-        return pin.XYZQUATToSE3(np.concatenate([numbers[:3], numbers[3:] / np.linalg.norm(numbers[3:])]))
-    if numbers.shape == (4, 4):
-        numbers = as_array(name, numbers, (4, 4))
-        if not np.array_equal(numbers[3], [0.0, 0.0, 0.0, 1.0]):
-            raise InputError(f"{name} must end with the row 0 0 0 1, got {numbers[3]}")
-        return pin.SE3(numbers[:3, :3], numbers[:3, 3])
-    raise InputError(f"{wanted}, got an array of shape {numbers.shape}")

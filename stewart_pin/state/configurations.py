@@ -1,4 +1,4 @@
-"""Configurations and the limits of their joints: random ones, and ones brought into range."""
+"""Configurations and the limits of their joints: random ones, and ones brought into range; poses at the door."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from collections.abc import Collection
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.checks import as_array
+from stewart_pin.errors import InputError
+from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.typing import Configuration
-
-_AT_LIMIT = 1e-9
-"""Excess over a joint limit that is round-off [rad]."""
+from stewart_pin.tolerances import AT_LIMIT, UNIT_QUATERNION
+from stewart_pin.typing import ArrayLike, Configuration
 
 
 def clipped(chain: ClosedChain, q: Configuration) -> Configuration:
@@ -87,9 +88,57 @@ def unwound(chain: ClosedChain, q: Configuration, *, asked: Collection[str] = ()
             at = chain.model.joints[chain.model.getJointId(joint.name)].idx_q
             turns = np.round(q[at] / (2 * np.pi)) if abs(q[at]) > np.pi else 0.0
             value = q[at] - 2 * np.pi * turns
-            if value < joint.lower - _AT_LIMIT:
-                value += 2 * np.pi * np.ceil((joint.lower - _AT_LIMIT - value) / (2 * np.pi))
-            elif value > joint.upper + _AT_LIMIT:
-                value -= 2 * np.pi * np.ceil((value - joint.upper - _AT_LIMIT) / (2 * np.pi))
+            if value < joint.lower - AT_LIMIT:
+                value += 2 * np.pi * np.ceil((joint.lower - AT_LIMIT - value) / (2 * np.pi))
+            elif value > joint.upper + AT_LIMIT:
+                value -= 2 * np.pi * np.ceil((value - joint.upper - AT_LIMIT) / (2 * np.pi))
             q[at] = value
     return q
+
+
+def as_pose(name: str, pose: pin.SE3 | ArrayLike) -> pin.SE3:
+    """Check a placement at the door.
+
+    Parameters
+    ----------
+    name
+        Name of the argument, for the message.
+    pose
+        What the caller passed: a placement, seven numbers x y z qx qy qz qw, or a matrix (4, 4) [m].
+
+    Returns
+    -------
+    pinocchio.SE3
+        The placement.
+
+    Raises
+    ------
+    InputError
+        If it is no placement, or holds no finite numbers or no rotation.
+    """
+    placement: pin.SE3 = pose if isinstance(pose, pin.SE3) else _placed(name, pose)
+    as_array(f"{name}.translation", placement.translation, (3,))
+    as_rotation(f"{name}.rotation", placement.rotation)
+    return placement
+
+
+def _placed(name: str, pose: ArrayLike) -> pin.SE3:
+    """Make a placement of seven numbers or a matrix."""
+    wanted = f"{name} must be a pinocchio.SE3, seven numbers x y z qx qy qz qw, or a matrix (4, 4)"
+    try:
+        numbers = np.asarray(pose, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{wanted}, got {type(pose).__name__}") from None
+    if numbers.shape == (7,):
+        numbers = as_array(name, numbers, (7,))
+        if abs(float(np.linalg.norm(numbers[3:])) - 1.0) > UNIT_QUATERNION:
+            raise InputError(
+                f"{name} holds a quaternion that is not of unit length, {numbers[3:]}; divide it by its norm"
+            )
+        return pin.XYZQUATToSE3(np.concatenate([numbers[:3], numbers[3:] / np.linalg.norm(numbers[3:])]))
+    if numbers.shape == (4, 4):
+        numbers = as_array(name, numbers, (4, 4))
+        if not np.array_equal(numbers[3], [0.0, 0.0, 0.0, 1.0]):
+            raise InputError(f"{name} must end with the row 0 0 0 1, got {numbers[3]}")
+        return pin.SE3(numbers[:3, :3], numbers[:3, 3])
+    raise InputError(f"{wanted}, got an array of shape {numbers.shape}")

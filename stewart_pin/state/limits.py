@@ -27,15 +27,13 @@ from stewart_pin.brief import Brief
 from stewart_pin.model.description import BALL, JointKind, loop_coordinates
 from stewart_pin.model.limits import LimitKind, Limits
 from stewart_pin.model.loop_rows import orthonormal_triad
+from stewart_pin.tolerances import AT_LIMIT
 from stewart_pin.typing import Configuration, FloatArray
 
 if TYPE_CHECKING:
     from stewart_pin.state.chain import ClosedChain
 
 _Read = Callable[[Sequence[pin.SE3], Configuration], float]
-AT_LIMIT = 1e-9
-"""Excess over a limit that is still round-off: of positions in robot sizes or radians, of the rest as a share of the
-limit."""
 _BY_DIFFERENCES = 1e-6
 """The same for rates of coordinates of loops, which are differences of positions."""
 _STEP = 1e-4

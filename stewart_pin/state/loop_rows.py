@@ -1,4 +1,4 @@
-r"""Gap, Jacobian and rate of the Jacobian of all loop rows, at any configuration, closed or open.
+r"""Gap, Jacobian and rate of the Jacobian of all loop rows, at any configuration, closed or open, and their factors.
 
 The relative placement 1M2 of the loop frames has translation t and rotation R. Every row is a wrench w that the loop
 transmits, in world axes at the world origin, and its rate is the power of that wrench on the motion of body 2
@@ -25,14 +25,22 @@ maximal-coordinate system judges them by its own.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.errors import SingularityError
 from stewart_pin.model.loop_table import LoopTable
 from stewart_pin.state.scratch import Scratch
+from stewart_pin.tolerances import FAR_FROM_SINGULAR
 from stewart_pin.typing import Configuration, FloatArray, Tangent
+
+if TYPE_CHECKING:
+    from stewart_pin.state.chain import ClosedChain
+    from stewart_pin.state.state import State
+
+_getrf, _gecon, _lange, _getrs = get_lapack_funcs(("getrf", "gecon", "lange", "getrs"), dtype=np.float64)
 
 
 class PlacedLoops(NamedTuple):
@@ -380,3 +388,116 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 _NEXT = np.array([1, 2, 0])
+
+
+class Drive:
+    """The square system of loop rows and motor rows in natural units, [J_c; S], by its passive block P.
+
+    With J_c = [P | Q] for passive joints and motors, the motion of motor rates u and row rates r is
+    P⁻¹ (r - Q u) for the former. It exists where there are as many motors as freedoms, no idle ones and no redundant
+    rows, and where its condition is so good that no singularity can be near; elsewhere singular values decide, in
+    `Freedom`.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    across
+        (nc, nu) Q, dimensionless.
+    factors
+        (nc, nc) LU factors of P, dimensionless.
+    pivots
+        (nc,) index of the row exchanged at each step.
+    regularity
+        Estimated reciprocal of the condition number of P.
+    """
+
+    def __init__(
+        self,
+        chain: ClosedChain,
+        across: FloatArray,
+        factors: FloatArray,
+        pivots: np.ndarray,
+        regularity: float,
+    ) -> None:
+        self.regularity = regularity
+        self._passive, self._motors, self._across = chain.passive_index, chain.motor_index, across
+        self._factors, self._pivots = factors, pivots
+
+    @staticmethod
+    def of(state: State) -> Drive | None:
+        """Factorise, or say that the state needs a closer look.
+
+        Parameters
+        ----------
+        state
+            State of a chain whose motors determine its motion.
+
+        Returns
+        -------
+        Drive or None
+            The factors.
+        """
+        chain, rows = state.chain, state.rows
+        passive, across = rows.take(chain.passive_index, 1), rows.take(chain.motor_index, 1)
+        if not chain.nc:
+            return Drive(chain, across, passive, np.zeros(0, dtype=np.int32), 1.0)
+        factors, pivots, info = _getrf(passive)
+        if info:
+            return None
+        regularity = float(_gecon(factors, _lange("1", passive))[0])
+        return Drive(chain, across, factors, pivots, regularity) if regularity > FAR_FROM_SINGULAR else None
+
+    def motions(self) -> FloatArray:
+        """Move with one motor at a time.
+
+        Returns
+        -------
+        numpy.ndarray
+            (nv, nu), dimensionless.
+        """
+        count = self._motors.size
+        G = np.zeros((self._passive.size + count, count))
+        G[self._motors] = np.eye(count)
+        if self._passive.size:
+            G[self._passive] = -_getrs(self._factors, self._pivots, self._across)[0]
+        return G
+
+    def across(self, rates: FloatArray) -> FloatArray:
+        """Find the motion with given rates of loop rows and the motors at rest.
+
+        Parameters
+        ----------
+        rates
+            (nc,) or (nc, k), dimensionless.
+
+        Returns
+        -------
+        numpy.ndarray
+            (nv,) or (nv, k), dimensionless.
+        """
+        motion = np.zeros((self._passive.size + self._motors.size, *rates.shape[1:]))
+        if self._passive.size:
+            motion[self._passive] = _getrs(self._factors, self._pivots, rates)[0]
+        return motion
+
+    def carry(self, efforts: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Find the reactions of loop rows and the motor efforts that make given efforts of the tree.
+
+        Parameters
+        ----------
+        efforts
+            (nv,), dimensionless.
+
+        Returns
+        -------
+        reactions : numpy.ndarray
+            (nc,), dimensionless.
+        motors : numpy.ndarray
+            (nu,), dimensionless.
+        """
+        motors = efforts.take(self._motors)
+        if not self._passive.size:
+            return np.zeros(0), motors
+        reactions = _getrs(self._factors, self._pivots, efforts.take(self._passive), trans=1)[0]
+        return reactions, motors - reactions @ self._across

@@ -17,8 +17,8 @@ import pinocchio as pin
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_count, as_positive
 from stewart_pin.errors import ClosureError
-from stewart_pin.state.chain import ClosedChain, as_configuration
-from stewart_pin.state.state import State, as_chain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State, as_chain, as_configuration
 from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
@@ -167,6 +167,8 @@ def close_loops(
     """
     as_chain(chain)
     guess = State(chain, as_configuration(chain, "q_guess", q_guess))
+    tolerance = as_positive("tolerance", tolerance)
+    max_iterations = as_count("max_iterations", max_iterations)
     system = loop_system(chain)
     closure = solve(chain, guess.q, system, tolerance=tolerance, max_iterations=max_iterations)
     if closure.success and closure.iterations:
@@ -243,11 +245,6 @@ def solve(
     Closure
         Configuration and residual reached, whether they succeed or not.
 
-    Raises
-    ------
-    InputError
-        If tolerance or number of iterations make no sense.
-
     Notes
     -----
     Without a rank every step is damped by the size of the residual, which keeps the convergence quadratic where
@@ -258,8 +255,6 @@ def solve(
     .. [1] J. Fan, Y. Yuan, "On the quadratic convergence of the Levenberg-Marquardt method without nonsingularity
        assumption", Computing 74, 2005, theorem 2.1.
     """
-    tolerance = as_positive("tolerance", tolerance)
-    max_iterations = as_count("max_iterations", max_iterations)
     state = chain.at(pin.normalize(chain.model, np.array(q_guess, dtype=float)))
     residual, jacobian = system.evaluate(state)
     worst = _largest(residual)

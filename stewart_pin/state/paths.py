@@ -26,16 +26,12 @@ from stewart_pin.state.freedom import TWIST_AXES, TwistAxis, counted, split_moti
 from stewart_pin.state.generic import generic_freedom
 from stewart_pin.state.newton import Closure, System, displaced, judged, solve
 from stewart_pin.state.state import State
-from stewart_pin.tolerances import CLOSED, SINGULAR
+from stewart_pin.tolerances import CLOSED, CONTRACTION, SHORTEST_STRETCH, SINGULAR
 from stewart_pin.typing import FloatArray, Tangent
 
 _gesv, _getrs = get_lapack_funcs(("gesv", "getrs"), dtype=np.float64)
-_CONTRACTION = 0.25
-"""Largest ratio of the second Newton step to the first: half the radius of the theorem for the first."""
 _TURN = 0.6
 """Largest angle by which the first Newton step of a stretch may turn a joint [rad]: farther sines are not straight."""
-_SHORTEST = 1e-5
-"""Share of a path below which a stretch is not shortened any more, unless it is a good part of what is left."""
 _OF_THE_REST, _SHORTEST_OF_ALL = 0.01, 1e-7
 """A good part of what is left, and the share below which none is shortened: before a fold stretches shrink with the
 distance to it, so that a demand just before one takes shorter ones; below this there are residuals `_ON_THE_WAY`."""
@@ -220,7 +216,7 @@ def follow_path(start: State, path: Path) -> Closure:
         iterations += found.steps
         if found.state is None:
             stretch *= found.shorten
-            if stretch < max(_SHORTEST_OF_ALL, min(_SHORTEST, _OF_THE_REST * (1.0 - share))):
+            if stretch < max(_SHORTEST_OF_ALL, min(SHORTEST_STRETCH, _OF_THE_REST * (1.0 - share))):
                 return _lost(start, state, share, path, system, iterations)
             continue
         state, share, residual = found.state, end, found.residual
@@ -273,7 +269,7 @@ def _stretch(begin: State, path: Path, share: float) -> _Stretch:
             turn = _largest(step[angles])
             if turn > _TURN:
                 return _Stretch(count, shorten=max(0.1, 0.9 * _TURN / turn))
-        elif size > _CONTRACTION * before:
+        elif size > CONTRACTION * before:
             if worst <= max(CLOSED, state.round_off):  # round-off does not contract
                 return _Stretch(count, state, residual)
             return _Stretch(count, shorten=_shortening(size / before))
@@ -290,7 +286,7 @@ def _stretch(begin: State, path: Path, share: float) -> _Stretch:
 def _shortening(contraction: float) -> float:
     """Factor that brings a contraction, which grows as the square of a stretch does in its worst part, to a quarter."""
     # Deuflhard, eq. (5.19), for a tangent predictor; not below a tenth, not above a half.
-    return float(np.clip(0.9 * np.sqrt(_CONTRACTION / contraction), 0.1, 0.5))
+    return float(np.clip(0.9 * np.sqrt(CONTRACTION / contraction), 0.1, 0.5))
 
 
 def _newton_step(state: State, path: Path, residual: FloatArray) -> tuple[Tangent | None, _Side]:

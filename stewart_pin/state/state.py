@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 from scipy.linalg import get_lapack_funcs
 
+from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.state.freedom import Freedom, Motions, split_motions
 from stewart_pin.state.loop_rows import (
+    Drive,
     MovingLoops,
     PlacedLoops,
     bias_of,
@@ -24,20 +27,15 @@ from stewart_pin.state.loop_rows import (
 )
 from stewart_pin.state.relative_motion import platform_jacobian, platform_jacobian_rate
 from stewart_pin.state.scratch import Scratch, once
-from stewart_pin.tolerances import CONSISTENT, DIGITS, EPS, NO_INERTIA, ROUND_OFF_STEPS, SINGULAR
+from stewart_pin.tolerances import CONSISTENT, DIGITS, NO_INERTIA, ROUND_OFF, SHOWN, SINGULAR, UNIT_QUATERNION
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 if TYPE_CHECKING:
     from stewart_pin.state.chain import ClosedChain
 
-_potrf, _getrf, _gecon, _lange, _getrs = get_lapack_funcs(
-    ("potrf", "getrf", "gecon", "lange", "getrs"), dtype=np.float64
-)
+(_potrf,) = get_lapack_funcs(("potrf",), dtype=np.float64)
 _SMALL = CONSISTENT**2
 """Sum of squares below which no entry is larger than `CONSISTENT`."""
-_FAR_FROM_SINGULAR = 1e-4
-"""Reciprocal condition number of the rows of loops and motors from which on no singularity is near: a hundred times
-`SINGULAR`, since it is estimated, in another norm."""
 
 
 class State:
@@ -166,7 +164,7 @@ class State:
         chain = self.chain
         reach = float(np.abs(self.loops.origin2).max(initial=0.0))
         turned = float(np.abs(self.q[chain.hinge_q_index]).max(initial=0.0))
-        return ROUND_OFF_STEPS * EPS * max(1.0, reach / chain.length_scale, turned)
+        return ROUND_OFF * max(1.0, reach / chain.length_scale, turned)
 
     # -- platform ------------------------------------------------------------------------------------------------
 
@@ -451,119 +449,6 @@ class State:
         return a
 
 
-class Drive:
-    """The square system of loop rows and motor rows in natural units, [J_c; S], by its passive block P.
-
-    With J_c = [P | Q] for passive joints and motors, the motion of motor rates u and row rates r is
-    P⁻¹ (r - Q u) for the former. It exists where there are as many motors as freedoms, no idle ones and no redundant
-    rows, and where its condition is so good that no singularity can be near; elsewhere singular values decide, in
-    `Freedom`.
-
-    Parameters
-    ----------
-    chain
-        The chain.
-    across
-        (nc, nu) Q, dimensionless.
-    factors
-        (nc, nc) LU factors of P, dimensionless.
-    pivots
-        (nc,) index of the row exchanged at each step.
-    regularity
-        Estimated reciprocal of the condition number of P.
-    """
-
-    def __init__(
-        self,
-        chain: ClosedChain,
-        across: FloatArray,
-        factors: FloatArray,
-        pivots: np.ndarray,
-        regularity: float,
-    ) -> None:
-        self.regularity = regularity
-        self._passive, self._motors, self._across = chain.passive_index, chain.motor_index, across
-        self._factors, self._pivots = factors, pivots
-
-    @staticmethod
-    def of(state: State) -> Drive | None:
-        """Factorise, or say that the state needs a closer look.
-
-        Parameters
-        ----------
-        state
-            State of a chain whose motors determine its motion.
-
-        Returns
-        -------
-        Drive or None
-            The factors.
-        """
-        chain, rows = state.chain, state.rows
-        passive, across = rows.take(chain.passive_index, 1), rows.take(chain.motor_index, 1)
-        if not chain.nc:
-            return Drive(chain, across, passive, np.zeros(0, dtype=np.int32), 1.0)
-        factors, pivots, info = _getrf(passive)
-        if info:
-            return None
-        regularity = float(_gecon(factors, _lange("1", passive))[0])
-        return Drive(chain, across, factors, pivots, regularity) if regularity > _FAR_FROM_SINGULAR else None
-
-    def motions(self) -> FloatArray:
-        """Move with one motor at a time.
-
-        Returns
-        -------
-        numpy.ndarray
-            (nv, nu), dimensionless.
-        """
-        count = self._motors.size
-        G = np.zeros((self._passive.size + count, count))
-        G[self._motors] = np.eye(count)
-        if self._passive.size:
-            G[self._passive] = -_getrs(self._factors, self._pivots, self._across)[0]
-        return G
-
-    def across(self, rates: FloatArray) -> FloatArray:
-        """Find the motion with given rates of loop rows and the motors at rest.
-
-        Parameters
-        ----------
-        rates
-            (nc,) or (nc, k), dimensionless.
-
-        Returns
-        -------
-        numpy.ndarray
-            (nv,) or (nv, k), dimensionless.
-        """
-        motion = np.zeros((self._passive.size + self._motors.size, *rates.shape[1:]))
-        if self._passive.size:
-            motion[self._passive] = _getrs(self._factors, self._pivots, rates)[0]
-        return motion
-
-    def carry(self, efforts: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Find the reactions of loop rows and the motor efforts that make given efforts of the tree.
-
-        Parameters
-        ----------
-        efforts
-            (nv,), dimensionless.
-
-        Returns
-        -------
-        reactions : numpy.ndarray
-            (nc,), dimensionless.
-        motors : numpy.ndarray
-            (nu,), dimensionless.
-        """
-        motors = efforts.take(self._motors)
-        if not self._passive.size:
-            return np.zeros(0), motors
-        reactions = _getrs(self._factors, self._pivots, efforts.take(self._passive), trans=1)[0]
-        return reactions, motors - reactions @ self._across
-
-
 def as_state(
     chain: ClosedChain | State,
     q: ArrayLike | None = None,
@@ -605,7 +490,83 @@ def as_state(
         )
     if q is None:
         raise InputError("q is missing; pass chain, q, v, a, or a state made by chain.at(q, v, a)")
-    return chain.at(q, v, a)
+    return checked_state(chain, q, v, a)
+
+
+def checked_state(
+    chain: ClosedChain, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None
+) -> State:
+    """Check what makes a state; see `ClosedChain.at`.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity [m/s, rad/s].
+    a
+        (nv,) tangent acceleration [m/s², rad/s²].
+
+    Returns
+    -------
+    State
+        The state.
+
+    Raises
+    ------
+    InputError
+        If a shape is wrong, an entry is not finite, or a quaternion is not of unit length.
+    """
+    return State(
+        chain,
+        as_configuration(chain, "q", q),
+        None if v is None else _checked("v", v, chain.nv),
+        None if a is None else _checked("a", a, chain.nv),
+    )
+
+
+def as_configuration(chain: ClosedChain, name: str, q: ArrayLike) -> Configuration:
+    """Check a configuration at the door.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    name
+        Name of the argument, for the message.
+    q
+        (nq,) what the caller passed [m, rad, unit quaternions].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nq,) the configuration as float64 [m, rad, unit quaternions].
+
+    Raises
+    ------
+    InputError
+        If the shape is wrong, an entry is not finite, or a quaternion is not of unit length.
+    """
+    q = _checked(name, q, chain.nq)
+    if not pin.isNormalized(chain.model, q, UNIT_QUATERNION):
+        raise InputError(
+            f"{name} holds a quaternion that is not of unit length; pass pinocchio.normalize(model, q)"
+        )
+    return q
+
+
+def _checked(name: str, value: ArrayLike, size: int) -> FloatArray:
+    # The usual case at a third of the cost: a sum of squares is finite only if every entry is.
+    if (
+        type(value) is np.ndarray
+        and value.dtype == np.float64
+        and value.shape == (size,)
+        and math.isfinite(np.vdot(value, value))
+    ):
+        return value
+    return as_array(name, value, (size,))
 
 
 def as_chain(chain: ClosedChain) -> ClosedChain:
@@ -678,7 +639,7 @@ def named_motion(chain: ClosedChain, direction: FloatArray) -> str:
     order = np.argsort(-np.abs(direction))[:6]
     largest = np.abs(direction).max()
     return ", ".join(
-        f"{chain.tangent_names[k]} {direction[k]:+.3g}" for k in order if abs(direction[k]) > 1e-6 * largest
+        f"{chain.tangent_names[k]} {direction[k]:+.3g}" for k in order if abs(direction[k]) > SHOWN * largest
     )
 
 

@@ -10,7 +10,8 @@ import pinocchio as pin
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.tree import link_frame
-from stewart_pin.state.chain import ClosedChain, as_configuration
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import as_configuration
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 from stewart_pin.viz.figures import new_figure
 from stewart_pin.viz.scene import body_points

@@ -21,7 +21,8 @@ from stewart_pin.errors import FileFormatError, FileMissingError, MissingExtraEr
 from stewart_pin.model.description import Joint, JointKind
 from stewart_pin.model.formats.xml import read_xml
 from stewart_pin.model.tree import link_frame
-from stewart_pin.state.chain import ClosedChain, as_configuration
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import as_configuration
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 from stewart_pin.viz.figures import new_figure
 

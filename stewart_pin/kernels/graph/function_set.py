@@ -244,11 +244,17 @@ class FunctionSet:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the functions."""
-        return tuple(self._rows)
+        return (*self._rows, *self._leg_rows)
+
+    def _row(self, name: str) -> _Row:
+        row = self._rows.get(name) or self._leg_rows.get(name)
+        if row is None:
+            raise InputError(f"name must be one of {', '.join(self.names)}, got {name!r}")
+        return row
 
     @written_once
     def _rows(self) -> dict[str, _Row]:
-        """Every function by its name: verbs, Newton steps, derivatives, and what takes any state."""
+        """Functions by their names: verbs, Newton steps, derivatives, and what takes any state."""
         cls = FunctionSet  # rows that held this set would keep it, and its expressions, alive
         rows = {
             name: _Row(partial(cls._verb, verb=verb), verb.solves)
@@ -263,12 +269,17 @@ class FunctionSet:
             solves = VERBS[name].solves
             if self.coordinates != "tree":
                 rows[f"{name}_derivatives"] = _Row(partial(cls._derivatives, name=name), solves)
-            if self.leg_displacements:
-                rows[f"{name}_by_legs"] = _Row(partial(cls._by_legs, name=name), solves)
             rows[f"{name}_by_tree"] = _Row(partial(cls._by_tree, name=name), solves, held=True)
         for name in ANY_STATE:
             rows[name] = _Row(partial(cls._any_state, name=name))
         return rows
+
+    @written_once
+    def _leg_rows(self) -> dict[str, _Row]:
+        """Derivatives by the geometry in closed form; whether the legs have them takes a look at all they are."""
+        names = DIFFERENTIABLE if self.leg_displacements else ()
+        write = FunctionSet._by_legs
+        return {f"{name}_by_legs": _Row(partial(write, name=name), VERBS[name].solves) for name in names}
 
     def _knows(self, verb: Verb) -> bool:
         if self.coordinates == "tree":
@@ -396,9 +407,7 @@ class FunctionSet:
             If there is no such function.
         """
         with writing():
-            if name not in self._rows:
-                raise InputError(f"name must be one of {', '.join(self.names)}, got {name!r}")
-            return self._rows[name].write(self)
+            return self._row(name).write(self)
 
     def conditioning_of(self, name: str, function: ca.Function) -> ca.Function | None:
         """Write the conditioning of the states of a function.
@@ -415,7 +424,7 @@ class FunctionSet:
         casadi.Function or None
             Of the function's first input; None where nothing is divided by, or where only steps are taken.
         """
-        row = self._rows[name]
+        row = self._row(name)
         if row.solves == "nothing":
             return None
         motors = row.solves in ("motors", "reactions")

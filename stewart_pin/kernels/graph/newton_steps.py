@@ -15,12 +15,14 @@ _FORETOLD = 4000.0
 """Four times what the second move is expected to leave, on the scale on which a gap of 1e-11 is closed, so that 1e-14
 of it must be left."""
 _TINY = 1e-300
+"""Added to a divisor that may be zero, and least contraction, since that carries a sign: nothing beside a move."""
 _ROUND_OFF = 1e-6
 """Size of a move below which how much the next is smaller is round-off."""
 _FAR = 2.4
 """Moves by which a state goes without a change of branch, to which a contraction of one belongs: sines are straight
 for 0.6 radians, and a quarter is what a contraction may be."""
 _HUGE = 1e300
+"""Larger than any sum of numbers here: what is not below it is infinite, or no number."""
 _CHANGED = 0.5
 """Change of the matrix, relative to itself, from which on a singularity may lie between two states: at one it is 1."""
 _SMALLEST_SHARE = 1e-4

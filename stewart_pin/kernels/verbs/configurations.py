@@ -11,10 +11,10 @@ from scipy.spatial.transform import Rotation
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.verbs.newton import Between, NewtonSteps, Plans, Solved, solve_on_branch
 from stewart_pin.programs.status import StateBound, StateStatus
-from stewart_pin.tolerances import SINGULAR
+from stewart_pin.tolerances import SINGULAR, UNIT_QUATERNION
 from stewart_pin.typing import ArrayLike, FloatArray
 
-UNIT = 2e-6
+UNIT = 2 * UNIT_QUATERNION
 """Deviation of a squared quaternion from 1: twice that of its length which the one-state verbs allow."""
 
 

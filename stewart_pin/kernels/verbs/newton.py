@@ -9,6 +9,7 @@ import numpy as np
 
 from stewart_pin.programs.array_kernel import ArrayKernel
 from stewart_pin.programs.repeating import Repeat
+from stewart_pin.tolerances import CONTRACTION, SHORTEST_STRETCH
 from stewart_pin.typing import BoolArray, FloatArray
 
 _CLOSED = 1e-11
@@ -22,10 +23,6 @@ _ANY_GAP = 1e30
 """Larger than any, and a number in single precision too."""
 _DOUBLE_STEPS = 6
 """Double steps before the rows that have not closed by then are damped."""
-_CONTRACTION = 0.25
-"""Largest share of a move that the next may have where a branch is certainly kept, see `double_step`."""
-_SHORTEST = 1e-5
-"""Share of a path below which a stretch is not shortened any more: there is a singularity."""
 _NONE = np.zeros(1)
 """Contraction before the first step."""
 _STRETCHES = 10_000
@@ -244,7 +241,7 @@ class OneSearch:
         if begin is None:
             return None
         state, gap, largest = self._plain(begin, target, _NONE)
-        return state if gap[0] <= self._tolerance and abs(largest[0]) <= _CONTRACTION else None
+        return state if gap[0] <= self._tolerance and abs(largest[0]) <= CONTRACTION else None
 
 
 def _tolerance_of(kernel: ArrayKernel) -> float:
@@ -264,7 +261,7 @@ def _double_steps(
     repeat = _repeat(kernel, tolerance)
     states, gap, largest = kernel.repeated(repeat)(start, target, _NONE, out=room, threads=threads)
     closed = gap[:, 0] <= repeat.tolerance
-    return states, closed, closed & (np.abs(largest[:, 0]) <= _CONTRACTION)
+    return states, closed, closed & (np.abs(largest[:, 0]) <= CONTRACTION)
 
 
 def _repeat(kernel: ArrayKernel, tolerance: float = 0.0) -> Repeat:
@@ -289,8 +286,8 @@ def _follow(
     begin, done = start_target.copy(), np.zeros(len(start))
     for count in range(1, _STRETCHES + 1):
         under_way = share < 1.0
-        on_the_way = np.flatnonzero(under_way & (length >= _SHORTEST))
-        stuck = np.flatnonzero(under_way & (length < _SHORTEST))
+        on_the_way = np.flatnonzero(under_way & (length >= SHORTEST_STRETCH))
+        stuck = np.flatnonzero(under_way & (length < SHORTEST_STRETCH))
         # A few slow ones must not keep the others waiting.
         asked = plans.further is not None and len(stuck) and (not len(on_the_way) or count % _PATIENCE == 0)
         if asked and plans.further is not None and plans.further(state[stuck]):

@@ -21,8 +21,8 @@ from stewart_pin.mechanics.articulated_body.passes import (
 from stewart_pin.mechanics.effort import Motion
 from stewart_pin.model.description import Loop
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows
-from stewart_pin.state.chain import ClosedChain, as_configuration
-from stewart_pin.state.state import State, as_chain, as_state
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State, as_chain, as_configuration, as_state
 from stewart_pin.tolerances import NOTHING
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 

@@ -309,6 +309,8 @@ _PATIENCE = 1_000
 _ACTIVE = 1e-6
 """Slack below which a bound counts as reached, when the solution is polished."""
 _FEASIBLE = 1e-8
+"""Violation of a bound from which on the solver is not believed, and corners are enumerated: a hundred times its
+accuracy."""
 _FAR = 1e20
 """What ProxQP reads as no bound."""
 

@@ -11,10 +11,8 @@ from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.geometry.hexapod import Hexapod, leg_forces_for_wrench, leg_jacobian
 from stewart_pin.mechanics.capability.enumeration import maximise
 from stewart_pin.mechanics.capability.platform_space import as_limit
+from stewart_pin.tolerances import JACOBIAN_SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray
-
-_SINGULAR = 1e-12
-"""Smallest over largest singular value below which a Jacobian counts as singular."""
 
 
 def velocity_limits(
@@ -161,7 +159,7 @@ def _require_regular(jacobian: FloatArray, name: str) -> None:
             smallest_singular_value=0.0,
         )
     _, s, vt = np.linalg.svd(jacobian)
-    if s[-1] <= _SINGULAR * s[0]:
+    if s[-1] <= JACOBIAN_SINGULAR * s[0]:
         raise SingularityError(
             f"{name} is singular (smallest singular value {s[-1]:.3g}): the actuators do not limit every motion; "
             "move away from this pose",

@@ -48,6 +48,10 @@ class Precision:
     length: float = 0.0
     angle: float = 0.0
 
+    def __bool__(self) -> bool:
+        """Tell whether digits leave anything open."""
+        return self.length > 0 or self.angle > 0
+
 
 def printed_precision(path: Path, side_car: Path | None = None) -> Precision:
     """Find how finely a file prints where joints and loops are attached.

@@ -142,7 +142,8 @@ def read_urdf(path: Path, *, loops: Path | None = None) -> Mechanism:
     for dialect in dialects():
         if dialect.complete is not None:
             mechanism = dialect.complete(mechanism)
-    return cut(mechanism)
+    second_parents = len(mechanism.joints) > len({joint.child for joint in mechanism.joints})
+    return cut(mechanism) if second_parents else mechanism
 
 
 class _UrdfReader(UrdfElements):

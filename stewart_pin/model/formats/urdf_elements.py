@@ -14,13 +14,11 @@ from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Note, Outcome
 from stewart_pin.model.formats.xml import ElementReader, read_xml, reason_to_ignore, shown_tag
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, fault_of_sizes
+from stewart_pin.tolerances import NO_DIRECTION
 from stewart_pin.typing import FloatArray
 
 INERTIA_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 """Attributes of ``<inertia>`` and their places in the matrix."""
-
-_NO_DIRECTION = 1e-12
-"""Length below which an axis has no direction."""
 
 
 class UrdfElements(ElementReader):
@@ -133,7 +131,7 @@ class UrdfElements(ElementReader):
         """
         values = self.parse(text, 3, where, owner)
         size = np.linalg.norm(values)
-        if size < _NO_DIRECTION:
+        if size < NO_DIRECTION:
             raise self.error(f"{where} is of length zero; give a direction", owner)
         # A vector that is of unit length to the last digit keeps its digits, so that files survive being rewritten.
         return values if abs(size - 1) < 1e-15 else values / size

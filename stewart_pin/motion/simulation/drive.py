@@ -12,6 +12,7 @@ from stewart_pin.errors import ConvergenceError, InputError, StewartPinError
 from stewart_pin.motion.simulation.motors import MotorBank
 from stewart_pin.motion.simulation.plant import Plant
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.tolerances import WHOLE_STEPS
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 Controller = Callable[[float, Configuration, Tangent], FloatArray]
@@ -253,7 +254,7 @@ class Drive:
 
 def _multiple(period: float, dt: float) -> int:
     count = round(period / dt)
-    if count < 1 or abs(count * dt - period) > 1e-6 * period:
+    if count < 1 or abs(count * dt - period) > WHOLE_STEPS * period:
         raise InputError(
             f"the controller's period {period:g} s must be a multiple of dt = {dt:g} s; "
             f"choose dt = {period / max(1, round(period / dt)):g} s"

@@ -26,6 +26,7 @@ from stewart_pin.motion.simulation.record import (
 from stewart_pin.motion.simulation.steppers import ChartStepper, Phase, RungeKuttaStepper, ScipyMethod
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State
+from stewart_pin.tolerances import WHOLE_STEPS
 from stewart_pin.typing import Configuration, Tangent
 
 Method = Literal["fixed"] | ScipyMethod
@@ -36,6 +37,7 @@ _FEW_RECORDS = 10_000
 """Instants recorded when no rate is asked for."""
 _MOST_RECORDS = 2_000_000
 _MOST_STEPS = 1e12
+"""Steps beyond which a duration or dt is a slip: a year even at thirty microseconds each."""
 _WATCH_RATE = 50.0
 """How often singularities are looked for, and loop rows chosen anew [1/s]."""
 
@@ -316,7 +318,7 @@ def _steps(duration: float, dt: float) -> int:
             f"duration {duration:g} s has more than {_MOST_STEPS:g} steps of dt = {dt:g} s; choose fewer"
         )
     count = max(1, round(duration / dt))
-    if abs(count * dt - duration) > 1e-6 * duration:
+    if abs(count * dt - duration) > WHOLE_STEPS * duration:
         raise InputError(
             f"duration {duration:g} s must be a multiple of dt = {dt:g} s; choose dt = {duration / count:.12g} s"
         )

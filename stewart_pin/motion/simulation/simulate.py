@@ -28,8 +28,8 @@ from stewart_pin.motion.simulation.run import Method, Options, Progress, Run
 from stewart_pin.motion.simulation.steppers import (
     METHODS,
 )
-from stewart_pin.state.chain import ClosedChain, as_configuration
-from stewart_pin.state.state import as_chain
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import as_chain, as_configuration
 from stewart_pin.tolerances import EPS
 from stewart_pin.typing import ArrayLike
 

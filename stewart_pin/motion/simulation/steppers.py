@@ -218,6 +218,8 @@ _SMALLEST = 1e-8
 _MOST = 1_000
 """Steps in a row that are shorter than a thousandth of the interval: a method that creeps is stopped too."""
 _CREEP = 1e-3
+"""Share of the interval below which a step creeps, and share of its usual size below which a singular value of the
+loops may be why: rates grow with its reciprocal."""
 
 
 def _solve(matrix: FloatArray, right: FloatArray) -> FloatArray:

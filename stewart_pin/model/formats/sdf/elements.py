@@ -13,6 +13,7 @@ from lxml import etree
 from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Note, Outcome
 from stewart_pin.model.formats.xml import UNLIMITED, ElementReader, reason_to_ignore, shown_tag
+from stewart_pin.tolerances import NO_DIRECTION
 from stewart_pin.typing import FloatArray
 
 # ----------------------------------------------------------------------------------------------------
@@ -90,8 +91,6 @@ def why_ignored(reader: ElementReader, element: etree._Element, owner: str) -> s
 
 _INFINITY = re.compile(r"([+-]?)inf(inity)?", re.IGNORECASE)
 _FLAGS = {"true": True, "1": True, "false": False, "0": False}
-_NO_DIRECTION = 1e-12
-"""Length below which an axis or a quaternion has no direction."""
 _ROUND_OFF = 1e-15
 """Component of a unit vector below which it counts as zero."""
 
@@ -386,7 +385,7 @@ class SdfReader(ElementReader):
         if written == "quat_xyzw" and not degrees:
             values = self.parse(text, 7, where, owner)
             size = float(np.linalg.norm(values[3:]))
-            if size < _NO_DIRECTION:
+            if size < NO_DIRECTION:
                 raise self.error(f"{where} has a quaternion of length zero", owner)
             return pin.SE3(pin.Quaternion(values[3:] / size).matrix(), values[:3]), frame
         if written != "euler_rpy":
@@ -418,7 +417,7 @@ def direction(reader: SdfReader, vector: FloatArray, owner: str) -> FloatArray:
         (3,) unit vector, dimensionless; exactly along a coordinate axis where only round-off says otherwise.
     """
     size = float(np.linalg.norm(vector))
-    if size < _NO_DIRECTION:
+    if size < NO_DIRECTION:
         raise reader.error(f"{owner} has an axis of length zero; give a direction", owner)
     unit = vector if abs(size - 1) < _ROUND_OFF else vector / size
     unit = np.where(np.abs(unit) < _ROUND_OFF, 0.0, unit)
