@@ -187,7 +187,7 @@ def test_far_poses_are_approached_in_stretches(monkeypatch: pytest.MonkeyPatch) 
     home = stp.platform_pose(chain, chain.q_home)
     pose = pin.SE3(pin.exp3(np.array([0.2, -0.3, 0.4])) @ home.rotation, home.translation + [0.2, 0.1, 0.2])
     direct = stp.inverse_kinematics(chain, pose, limits=False)
-    monkeypatch.setattr(paths, "_CONTRACTION", 0.01)
+    monkeypatch.setattr(paths, "CONTRACTION", 0.01)
     staged = stp.inverse_kinematics(chain, pose, limits=False)
     assert staged.success and staged.iterations > direct.iterations
     assert np.abs(pin.difference(chain.model, direct.q, staged.q)).max() <= 1e-11
