@@ -177,7 +177,7 @@ class Growth:
         self._begin = inverse_kinematics(chain, pin.SE3(rotation, start)).state
         twists = (self._begin.P / chain.twist_sizes[:, None]) @ self._begin.freedom.motions
         count = chain.generic.count.platform
-        self.axes = np.sort(qr(twists.T, mode="r", pivoting=True)[1][:count])
+        self.axes = np.sort(np.asarray(qr(twists.T, mode="r", pivoting=True)[-1])[:count])
         """Axes of twists, as many as freedoms, by which the platform's motion is told."""
         basis = np.linalg.svd(twists, full_matrices=False)[0][:, :count]
         free = np.linalg.norm(basis, axis=1) > 1 - _ALONG
@@ -320,7 +320,7 @@ class Growth:
         jacobian = self._kernels.motor_jacobian(pose)[..., self.axes]
         bounds = self._chain.limits.bounds("position", self._chain.motor_index)
         slack = AT_LIMIT * self._chain.tangent_scale[self._chain.motor_index]
-        inside = ((motors >= bounds[:, 0] - slack) & (motors <= bounds[:, 1] + slack)).all(axis=1)
+        inside = np.all((motors >= bounds[:, 0] - slack) & (motors <= bounds[:, 1] + slack), axis=1)
         reached = [self._begin.q if code == StateStatus.OK else None for code in status]
         return _Layer(reached, motors, inside, np.nan_to_num(jacobian), again=False)
 

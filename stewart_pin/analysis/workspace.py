@@ -222,15 +222,15 @@ def sample_workspace(
             f"{extent[2]:.3g} m; choose at least {(extent.prod() / _MOST) ** (1 / 3):.3g} m"
         )
     # Cells begin at the plane between the sheets, so that none belongs to both.
-    start = bounds[0].copy()
+    corner = bounds[0].copy()
     if sheet == "lower":
-        start[2] = bounds[1, 2] - cells[2] * spacing
+        corner[2] = bounds[1, 2] - cells[2] * spacing
     shape = tuple(int(n) for n in cells)
     lengths = lengths_at(hexapod, rotation, int(cells.prod()), kernels)
     if measured is not None:
         lengths = partial(measured.lengths, reach=spacing)
     quality = partial(_quality, hexapod, rotation, length, measured)
-    samples = _evaluate(quality, lengths, strokes, start, bounds, shape, spacing, length)
+    samples = _evaluate(quality, lengths, strokes, corner, bounds, shape, spacing, length)
     return _judged(chain, rotation, samples) if chain is not None and joints else samples
 
 
