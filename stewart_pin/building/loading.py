@@ -134,6 +134,36 @@ def build_chain(
     MechanismError
         If it is no mechanism.
     """
+    chain = open_chain(mechanism, motors=motors, platform=platform, gravity=gravity)
+    return settle_printed(chain, forgiven) if forgiven else settle_home(chain)
+
+
+def open_chain(
+    mechanism: Mechanism,
+    *,
+    motors: Sequence[str] | None = None,
+    platform: str | None = None,
+    gravity: ArrayLike | None = None,
+) -> ClosedChain:
+    """Validate a description and build the chain as it is told, its loops perhaps open: to be looked at.
+
+    Parameters
+    ----------
+    mechanism
+        Links, joints and loops.
+    motors, platform, gravity
+        As for `build_chain`.
+
+    Returns
+    -------
+    ClosedChain
+        The chain, all joints at zero.
+
+    Raises
+    ------
+    MechanismError
+        If it is no mechanism.
+    """
     if gravity is None:
         gravity = mechanism.gravity
     gravity = STANDARD_GRAVITY if gravity is None else as_array("gravity", gravity, (3,))
@@ -146,14 +176,13 @@ def build_chain(
             culprit=mechanism.name,
         )
     model = build_tree(mechanism, gravity)
-    chain = ClosedChain(
+    return ClosedChain(
         mechanism=mechanism,
         model=model,
         motors=_motors(mechanism, motors),
         platform=_platform(mechanism, platform),
         q_home=np.zeros(model.nq),
     )
-    return settle_printed(chain, forgiven) if forgiven else settle_home(chain)
 
 
 def _motors(mechanism: Mechanism, motors: Sequence[str] | None) -> tuple[str, ...]:

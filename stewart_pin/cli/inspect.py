@@ -9,11 +9,19 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from stewart_pin.building.loading import load
+from stewart_pin.building.loading import find_robot, load, open_chain
 from stewart_pin.cli.output import console, write_json
+from stewart_pin.errors import MechanismError
 from stewart_pin.mechanics.mobility import Mobility, mobility
+from stewart_pin.model.description import JointKind, Mechanism, Report
+from stewart_pin.model.formats.reading import read_mechanism
+from stewart_pin.model.loop_rows import closure_rows
 from stewart_pin.model.roles import motor_candidates, platform_candidates
+from stewart_pin.viz.chain_picture import plot_chain
+from stewart_pin.viz.figures import check_picture_path, save_figure
 
+_FREEDOMS = {JointKind.REVOLUTE: 1, JointKind.PRISMATIC: 1, JointKind.SPHERICAL: 3, JointKind.FLOATING: 6}
+"""Of a joint of the tree; a fixed one has none."""
 _SHOWN = 12
 """Most sets of spare motors in the table; the file has all that were found."""
 
@@ -26,10 +34,17 @@ def inspect(
     ] = None,
     platform: Annotated[str | None, typer.Option(help="Name of the platform link.")] = None,
     json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(callback=check_picture_path, help="Picture of the robot as it stands.")
+    ] = None,
 ) -> None:
-    """Show sizes, loops, motors and mobility of a robot, and what was made of its file."""
+    """Show sizes, loops, motors and mobility of a robot, and what was made of its file, even if it cannot be used."""
     named = None if motors is None else [name.strip() for name in motors.split(",")]
-    chain = load(file, loops=loops, motors=named, platform=platform)
+    try:
+        chain = load(file, loops=loops, motors=named, platform=platform)
+    except MechanismError:
+        _show_what_is_there(read_mechanism(find_robot(file), loops=loops), json, plot)
+        raise
     report = mobility(chain)
     sizes = {"nq": chain.nq, "nv": chain.nv, "nu": chain.nu, "nc": chain.nc}
     table = Table(title=chain.name, show_header=False)
@@ -68,7 +83,51 @@ def inspect(
         "motor_candidates": drives,
         "platform_candidates": links,
     }
+    if plot is not None:
+        save_figure(plot_chain(chain), plot)
+        console.print(f"robot drawn in {plot}", highlight=False, soft_wrap=True)
     write_json(json, {"robot": chain.name, **sizes, **roles, "mobility": asdict(report), "notes": notes})
+
+
+def _show_what_is_there(mechanism: Mechanism, json: Path | None, plot: Path | None) -> None:
+    """Show what was read of a file that makes no chain; the error follows."""
+    drives, links = motor_candidates(mechanism), platform_candidates(mechanism)
+    rows = {loop.name: len(closure_rows(loop)) for loop in mechanism.loops}
+    free = sum(_FREEDOMS.get(joint.kind, 0) for joint in mechanism.joints)
+    count = free - sum(rows.values()) - len(mechanism.couplings)
+    table = Table(title=f"{mechanism.name}: cannot be used as it is", show_header=False)
+    table.add_row("links", ", ".join(link.name for link in mechanism.links))
+    table.add_row("joints", ", ".join(f"{joint.name}: {joint.kind}" for joint in mechanism.joints))
+    told = [f"{x.name}: {x.kind}, {x.link1} to {x.link2}, {rows[x.name]} rows" for x in mechanism.loops]
+    table.add_row("loops", "\n".join(told) or "none")
+    couplings = [f"{x.name}: {x.joint1} follows {x.joint2 or 'none'}" for x in mechanism.couplings]
+    table.add_row("couplings", "\n".join(couplings) or "none")
+    table.add_row("freedoms by count", f"{count}: {free} of joints less rows; planar loops repeat some")
+    table.add_row(
+        "motors", ", ".join(x.name for x in mechanism.joints if x.independent) or f"none; {_few(drives)}"
+    )
+    table.add_row("platform", mechanism.platform or f"none; candidates, best guess first: {_few(links)}")
+    table.add_row("file", str(Report(mechanism.notes)))
+    console.print(table)
+    if plot is not None:
+        try:
+            picture = plot_chain(open_chain(mechanism))
+        except MechanismError:  # the error that follows says why nothing stands where
+            console.print("no picture: it is no tree with loops", highlight=False)
+        else:
+            save_figure(picture, plot)
+            console.print(f"robot drawn with all joints at zero in {plot}", highlight=False, soft_wrap=True)
+    figures = {
+        "robot": mechanism.name,
+        "links": [link.name for link in mechanism.links],
+        "joints": {joint.name: str(joint.kind) for joint in mechanism.joints},
+        "loops": rows,
+        "freedoms_by_count": count,
+        "motor_candidates": drives,
+        "platform_candidates": links,
+        "notes": [asdict(note) for note in mechanism.notes],
+    }
+    write_json(json, figures)
 
 
 def _few(names: tuple[str, ...]) -> str:

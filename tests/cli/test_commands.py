@@ -72,6 +72,26 @@ def test_inspect_tells_what_was_made_of_a_file(tmp_path: Path) -> None:
     )["notes"]
 
 
+def test_inspect_shows_what_cannot_be_used(tmp_path: Path) -> None:
+    """A pin 9 m away: no loop closes, and all that was read is shown before the error."""
+    path, figures, plot = tmp_path / "wide.urdf", tmp_path / "wide.json", tmp_path / "wide.png"
+    text = (Path(__file__).parents[1] / "zoo" / "urdf" / "crank_rocker.urdf").read_text()
+    path.write_text(text.replace('<origin xyz="-0.2000', '<origin xyz="-9.2000'))
+    answer = run("inspect", str(path), "--json", str(figures), "--plot", str(plot))
+    assert answer.returncode == 2 and "the loops do not close" in answer.stderr
+    assert "cannot be used as it is" in answer.stdout and "Traceback" not in answer.stderr
+    written = json.loads(figures.read_text())
+    assert written["joints"]["crank_turn"] == "revolute" and list(written["loops"].values()) == [5]
+    assert written["freedoms_by_count"] == sum(kind != "fixed" for kind in written["joints"].values()) - 5
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
+def test_inspect_draws_a_robot(tmp_path: Path) -> None:
+    plot = tmp_path / "five_bar.png"
+    assert run("inspect", "five_bar", "--plot", str(plot)).returncode == 0
+    assert plot.read_bytes().startswith(b"\x89PNG")
+
+
 def test_inspect_judges_other_motors() -> None:
     few = run("inspect", "five_bar", "--motors", "left_hip").stdout
     assert "no, too few: 1 freedom(s) left over" in few and "left_knee, right_hip, right_knee" in few
