@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,16 +11,17 @@ import pinocchio as pin
 from scipy.linalg import qr
 
 from stewart_pin.checks import as_array
-from stewart_pin.errors import InputError, UnsupportedError
+from stewart_pin.errors import InputError, SingularityError, UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.mechanics.kinematics import inverse_kinematics, motor_jacobian
+from stewart_pin.model.description import JointKind
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import AT_LIMIT
 from stewart_pin.state.newton import close_loops
 from stewart_pin.state.state import as_chain, as_configuration
-from stewart_pin.tolerances import PRINTED
+from stewart_pin.tolerances import PRINTED, SINGULAR
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 
@@ -116,8 +117,6 @@ _ALONG = 1e-6
 """Share of an axis, in natural units, by which a platform that moves along it may fail to."""
 _ATTEMPTS = 2
 """Neighbours from which a cell is tried: near a fold it may be reached from one and not from another."""
-_NOISE = 1e-14
-"""Smallest over largest singular value that is round-off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +157,8 @@ class Growth:
     start
         (3,) platform origin to begin at, in the world frame [m].
     kernels
-        Whether compiled kernels answer, where the motors alone have limits; None: where they can be had.
+        Whether compiled kernels answer, where the motors alone have limits, of less than a turn, and drive legs with
+        closed forms; None: where they can be had. They change nothing but the time.
 
     Raises
     ------
@@ -168,6 +168,8 @@ class Growth:
         If the chain does not reach the beginning.
     UnreachableError
         If it does beyond its limits.
+    SingularityError
+        If it is singular there, as a stretched arm.
     """
 
     def __init__(
@@ -185,10 +187,22 @@ class Growth:
         """Axes of the world along which the platform shifts without turning."""
         if not len(self.shifts):
             raise self._fixed()
+        if not self._regular(self._begin.P[self.axes] @ self._begin.freedom.motions):
+            raise SingularityError(
+                f"where the workspace of '{chain.name}' would begin, its platform does not tell the joints which way "
+                "to bend; begin elsewhere (start=)",
+                smallest_singular_value=0.0,
+            )
         others = np.setdiff1d(chain.limits.stated("position"), chain.motor_index)
-        self._kernels = (
-            None if others.size or not free[self.axes].all() else kernels_for(chain, _MANY, kernels)
-        )
+        plain = not others.size and free[self.axes].all() and not self._counts_turns()
+        compiled = kernels_for(chain, _MANY, kernels) if plain else None
+        self._kernels = compiled if compiled is not None and compiled.by_legs else None
+
+    def _counts_turns(self) -> bool:
+        """Whether a motor may stand where a pose does not tell: beyond half a turn to either side."""
+        bounds = self._chain.limits.bounds("position", self._chain.motor_index)
+        turns = [self._chain.mechanism.joint(name).kind is JointKind.REVOLUTE for name in self._chain.motors]
+        return bool((np.abs(bounds[turns]) > np.pi).any())
 
     def _fixed(self) -> UnsupportedError:
         return UnsupportedError(
@@ -258,82 +272,103 @@ class Growth:
         answer = self._by_states if self._kernels is None else self._by_kernels
         begin = (0, 0, 0)
         steps = [tuple(side * int(k == axis) for k in range(3)) for axis in self.shifts for side in (-1, 1)]
-        tried: Counter[tuple[int, ...]] = Counter({begin: _ATTEMPTS})
-        index, parts = [begin], [answer(np.zeros((1, 3)), [self._begin.q])]
-        front = {begin: self._begin.q}
+        found = {begin: answer(np.zeros((1, 3)), [self._begin.q])[0]}
+        tried: Counter[tuple[int, ...]] = Counter([begin])
+        front = [begin] if found[begin] is not None else []
         while front:
-            # A cell is reached from the first of its neighbours of this layer.
-            following = {}
-            for cell, q in front.items():
+            # A cell is reached from the first of its neighbours of this layer; one that is not, or only beyond limits,
+            # is tried again from another.
+            following: dict[tuple[int, ...], Configuration] = {}
+            for cell in front:
+                here = found[cell]
                 for step in steps:
                     beside = tuple(k + d for k, d in zip(cell, step, strict=True))
-                    if tried[beside] < _ATTEMPTS and beside not in following:
-                        following[beside] = q
-            if not following:
-                break
-            if len(tried) + len(following) > most:
+                    known = found.get(beside)
+                    if (
+                        here
+                        and beside not in following
+                        and tried[beside] < _ATTEMPTS
+                        and not (known and known.inside)
+                    ):
+                        following[beside] = here.q
+            tried.update(following.keys())
+            if len(tried) > most:
                 raise InputError(
                     f"spacing {spacing:g} m makes more than {most} cells; choose a larger one, or state limits"
                 )
-            wanted = list(following)
-            found = answer(spacing * np.array(wanted, dtype=float), list(following.values()))
-            reached = [k for k, q in enumerate(found.guesses) if q is not None]
-            tried.update({cell: 1 if found.again else _ATTEMPTS for cell in wanted})
-            tried.update({wanted[k]: _ATTEMPTS for k in reached})
-            index += [wanted[k] for k in reached]
-            parts.append(found)
-            front = {wanted[k]: q for k in reached if found.inside[k] and (q := found.guesses[k]) is not None}
-        kept = [np.array([q is not None for q in part.guesses]) for part in parts]
-        motors, inside, jacobian = (
-            np.concatenate([getattr(part, name)[rows] for part, rows in zip(parts, kept, strict=True)])
-            for name in ("motors", "inside", "jacobian")
+            front = []
+            answers = answer(
+                spacing * np.array(list(following), dtype=float).reshape(-1, 3), list(following.values())
+            )
+            for cell, one in zip(following, answers, strict=True):
+                if one is None or (cell in found and not one.inside):
+                    continue
+                found[cell] = one
+                if one.inside and one.leads:
+                    front.append(cell)
+        reached = {cell: one for cell, one in found.items() if one is not None}
+        return GrownCells(
+            index=np.array(list(reached)),
+            motors=np.array([one.motors for one in reached.values()]),
+            inside=np.array([one.inside for one in reached.values()]),
+            jacobian=np.array([one.jacobian for one in reached.values()]),
+            axes=self.axes,
         )
-        return GrownCells(np.array(index), motors, inside, jacobian, self.axes)
 
-    def _by_states(self, shift: FloatArray, guesses: list[Configuration | None]) -> _Layer:
+    def _by_states(self, shift: FloatArray, guesses: list[Configuration]) -> list[_Cell | None]:
         chain = self._chain
-        motors, inside = np.full((len(shift), chain.nu), np.nan), np.zeros(len(shift), dtype=bool)
-        jacobian = np.zeros((len(shift), chain.nu, len(self.axes)))
-        reached: list[Configuration | None] = [None] * len(shift)
-        for k, (by, guess) in enumerate(zip(shift, guesses, strict=True)):
+        answers: list[_Cell | None] = []
+        for by, guess in zip(shift, guesses, strict=True):
             pose = pin.SE3(self._rotation, self.start + by)
             closure = inverse_kinematics(chain, pose, q_guess=guess, limits=False, throw=False)
             if not closure.success:
+                answers.append(None)
                 continue
-            state = closure.state
-            reached[k], motors[k] = closure.q, closure.q[chain.motor_q_index]
-            inside[k] = not chain.judge.positions(closure.q)
-            motions = state.freedom.active
+            state, jacobian = closure.state, np.zeros((chain.nu, len(self.axes)))
+            motions = state.freedom.motions
             platform = state.P[self.axes] @ motions
-            singular = np.linalg.svd(platform / chain.twist_sizes[self.axes, None], compute_uv=False)
-            if singular[-1] > _NOISE * singular[0]:  # spare motors: the least motion
-                jacobian[k] = motions[chain.motor_index] @ np.linalg.pinv(platform)
-        return _Layer(reached, motors, inside, jacobian, again=True)
+            leads = self._regular(platform)
+            if leads:  # spare motors: the least motion
+                jacobian = motions[chain.motor_index] @ np.linalg.pinv(platform)
+            inside = not chain.judge.positions(closure.q)
+            answers.append(_Cell(closure.q, closure.q[chain.motor_q_index], inside, jacobian, leads))
+        return answers
 
-    def _by_kernels(self, shift: FloatArray, guesses: list[Configuration | None]) -> _Layer:
-        """Ask kernels, whose answers are on the branch of home whatever the guess."""
+    def _regular(self, platform: FloatArray) -> bool:
+        """Whether the platform leads its joints one way: where a leg is stretched they may bend to either side."""
+        singular = np.linalg.svd(platform / self._chain.twist_sizes[self.axes, None], compute_uv=False)
+        return bool(singular[-1] > SINGULAR * singular[0])
+
+    def _by_kernels(self, shift: FloatArray, guesses: list[Configuration]) -> list[_Cell | None]:
+        """Ask kernels of legs with closed forms: on the branch of home whatever the guess."""
         assert self._kernels is not None
         pose = np.tile(pin.SE3ToXYZQUAT(pin.SE3(self._rotation, self.start)), (len(shift), 1))
         pose[:, :3] += shift
-        status = np.zeros(len(shift), dtype=np.int8)
+        status, graded = np.zeros((2, len(shift)), dtype=np.int8)
         motors = self._kernels.inverse_kinematics(pose, status=status)
-        jacobian = self._kernels.motor_jacobian(pose)[..., self.axes]
+        jacobian = self._kernels.motor_jacobian(pose, status=graded)[..., self.axes]
         bounds = self._chain.limits.bounds("position", self._chain.motor_index)
         slack = AT_LIMIT * self._chain.tangent_scale[self._chain.motor_index]
         inside = np.all((motors >= bounds[:, 0] - slack) & (motors <= bounds[:, 1] + slack), axis=1)
-        reached = [self._begin.q if code == StateStatus.OK else None for code in status]
-        return _Layer(reached, motors, inside, np.nan_to_num(jacobian), again=False)
+        leads = graded == StateStatus.OK
+        jacobian = np.where(leads[:, None, None], jacobian, 0.0)
+        return [
+            _Cell(self._begin.q, motors[k], bool(inside[k]), jacobian[k], bool(leads[k]))
+            if status[k] == StateStatus.OK
+            else None
+            for k in range(len(shift))
+        ]
 
 
 @dataclass(frozen=True, eq=False)
-class _Layer:
-    """What became of the cells of a layer: a guess for those beside each, None where it is not reached."""
+class _Cell:
+    """A cell that is reached: a guess for those beside it, and whether these may be reached from it."""
 
-    guesses: Sequence[Configuration | None]
+    q: Configuration
     motors: FloatArray
-    inside: np.ndarray
+    inside: bool
     jacobian: FloatArray
-    again: bool
+    leads: bool
 
 
 # ----------------------------------------------------------------------------------------------------

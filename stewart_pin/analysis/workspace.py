@@ -26,6 +26,7 @@ from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.kernels.choosing import lengths_at
 from stewart_pin.mechanics.closed_forms import admission, leg_form
 from stewart_pin.mechanics.kinematics import inverse_kinematics, platform_pose
+from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -281,12 +282,18 @@ def _grown(
     )
 
 
+def _arms(chain: ClosedChain, length: float) -> FloatArray:
+    """Tell what makes lengths of the motors' coordinates: 1 of a slide, a length of a hinge [1 or m]."""
+    kinds = [chain.mechanism.joint(name).kind for name in chain.motors]
+    return np.array([length if kind is JointKind.REVOLUTE else 1.0 for kind in kinds])
+
+
 def _motor_clearance(
     chain: ClosedChain, read: FloatArray, length: float
 ) -> tuple[FloatArray, np.ndarray, np.ndarray]:
     """Least distance of a motor from a limit, the motor, and the end of its range; angles times a length."""
     bounds = chain.limits.bounds("position", chain.motor_index)
-    sizes = np.where(chain.tangent_scale[chain.motor_index] == 1.0, length, 1.0)
+    sizes = _arms(chain, length)
     ends = np.concatenate([read - bounds[:, 0], bounds[:, 1] - read], axis=1) * np.tile(sizes, 2)
     worst = ends.argmin(axis=1)
     least = np.take_along_axis(ends, worst[:, None], axis=1)[:, 0]
@@ -295,8 +302,7 @@ def _motor_clearance(
 
 def _motor_quality(chain: ClosedChain, found: GrownCells, length: float) -> tuple[FloatArray, np.ndarray]:
     """Condition number of the motors' rates per motion of the platform, and the sign of their determinant."""
-    motors = np.where(chain.tangent_scale[chain.motor_index] == 1.0, length, 1.0)
-    jacobian = found.jacobian * motors[:, None] / np.repeat([1.0, length], 3)[found.axes]
+    jacobian = found.jacobian * _arms(chain, length)[:, None] / np.repeat([1.0, length], 3)[found.axes]
     singular = np.linalg.svd(jacobian, compute_uv=False)
     regular = singular[:, -1] > _NOISE * singular[:, 0]
     condition = np.divide(singular[:, 0], singular[:, -1], out=np.full(len(singular), np.inf), where=regular)

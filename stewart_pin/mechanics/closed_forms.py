@@ -241,7 +241,11 @@ def point_of(chain: ClosedChain) -> ClosedChain:
 
 def _judged(chain: ClosedChain, form: Form) -> Admission:
     read, compare = _FORMS[form]
-    geometry = None
+    geometry, freedoms, needed = None, chain.generic.count.platform, _FREEDOMS.get(form, 0)
+    if freedoms < needed:  # guided: where it can go the lengths agree, and the closed form goes elsewhere too
+        return Admission(
+            form, False, np.inf, f"the platform has {freedoms} freedoms instead of {needed}", None
+        )
     try:
         geometry = read(chain)
         miss = max(compare(chain, geometry, state) for state in _states(chain))
@@ -340,3 +344,5 @@ _FORMS: dict[Form, tuple[Callable, Callable]] = {
     "crank_angles": (rotary_legs, _cranks_miss),
 }
 """How each is read off a chain, and how it is compared."""
+_FREEDOMS = {"leg_lengths": 6, "leg_efforts": 6, "point_mass": 6, "planar_lengths": 3}
+"""Freedoms of the platform that a form takes for granted."""

@@ -9,9 +9,10 @@ import pinocchio as pin
 
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array, as_count
+from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import random_configuration, unwound
-from stewart_pin.state.newton import Closure, solve
+from stewart_pin.state.newton import LARGEST_STEP, MAX_ITERATIONS, Closure, solve
 from stewart_pin.state.paths import motor_path
 from stewart_pin.state.state import State, as_chain
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
@@ -93,7 +94,10 @@ def all_forward_kinematics(
     hits: list[int] = []
     for start in range(starts):
         guess = chain.q_home if start == 0 else random_configuration(chain, rng)
-        closure = solve(chain, guess, system)
+        guess = _wound(chain, guess, target)
+        away = np.abs(guess[chain.motor_q_index] - target) / chain.tangent_scale[chain.motor_index]
+        steps = MAX_ITERATIONS + int(np.ceil(np.max(away, initial=0.0) / LARGEST_STEP))
+        closure = solve(chain, guess, system, max_iterations=steps)
         closure = replace(closure, state=State(chain, unwound(chain, closure.q, asked=chain.motors)))
         if not closure.success or (limits and chain.judge.positions(closure.q, slack=_SAME)):
             continue
@@ -114,6 +118,16 @@ def all_forward_kinematics(
         starts=starts,
         missed_share=hits.count(1) / sum(hits) if hits else 1.0,
     )
+
+
+def _wound(chain: ClosedChain, guess: Configuration, target: FloatArray) -> Configuration:
+    """Turn motors by whole turns to within half a turn of where they shall stand, unless a coupling counts these."""
+    guess = np.array(guess)
+    coupled = {name for coupling in chain.mechanism.couplings for name in (coupling.joint1, coupling.joint2)}
+    for name, at, wanted in zip(chain.motors, chain.motor_q_index, target, strict=True):
+        if chain.mechanism.joint(name).kind is JointKind.REVOLUTE and name not in coupled:
+            guess[at] += 2 * np.pi * np.round((wanted - guess[at]) / (2 * np.pi))
+    return guess
 
 
 def _joints_told_apart(chain: ClosedChain) -> np.ndarray:

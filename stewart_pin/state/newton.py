@@ -23,7 +23,7 @@ from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 MAX_ITERATIONS = 100
-_LARGEST_STEP = 0.3
+LARGEST_STEP = 0.3
 """Largest entry of one step, in robot sizes and radians: well below the distance between assembly modes."""
 _ABOVE_ROUND_OFF = 1e3
 """Damping in units of round-off where no rank is known: rows that depend on others are round-off themselves, and one
@@ -454,7 +454,7 @@ def _least_norm_step(
     gain = np.divide(s, square, out=np.zeros_like(s), where=square > 0)
     step = -vt.T @ (gain * (u.T @ residual))
     longest = np.abs(step).max(initial=0.0)
-    return step * min(1.0, _LARGEST_STEP / longest) if longest > 0 else step
+    return step * min(1.0, LARGEST_STEP / longest) if longest > 0 else step
 
 
 def _largest(residual: FloatArray) -> float:

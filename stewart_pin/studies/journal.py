@@ -226,8 +226,11 @@ def _repaired(path: Path, file: FileIO, header: bytes) -> bytes | None:
         for line in lines:
             end += len(line) if line.endswith(b"\n") else 0
     try:
-        known = json.loads(first)["format"] == _FORMAT
-    except (ValueError, KeyError, TypeError):
+        head = json.loads(first)
+        known = head["format"] == _FORMAT and all(
+            {"values", "ends", "sha256"} <= set(x) for x in head["axes"].values()
+        )
+    except (ValueError, KeyError, TypeError, AttributeError):
         known = False
     if not known:
         raise FileFormatError("is no journal of a sweep; choose another file", path=str(path))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from scipy import ndimage
 
 import stewart_pin as stp
-from stewart_pin.errors import InputError, StewartPinError
+from stewart_pin.errors import InputError, SingularityError, StewartPinError
 from stewart_pin.geometry.rotations import rotation_from_rpy
 from tests.closed_states import robot
 
@@ -264,3 +265,49 @@ def test_bad_input_of_any_chain_is_named(name: str, options: dict[str, Any], wor
     level = stp.platform_pose(chain, chain.q_home).rotation
     with pytest.raises(StewartPinError, match=words):
         stp.workspaces.sample_workspace(chain, level, **options)
+
+
+def test_kernels_change_nothing_of_grown_workspaces() -> None:
+    """Slides and hinges of a size that is not one: condition numbers are those of motor_jacobian."""
+    chain = robot("translating_3upu")
+    found = stp.workspaces.sample_workspace(chain, LEVEL, spacing=0.5 * chain.length_scale, kernels=False)
+    k = int(np.argmax(found.condition))
+    pose = pin.SE3(LEVEL, found.position[k])
+    state = stp.inverse_kinematics(chain, pose, limits=False).state
+    jacobian = stp.motor_jacobian(state)[:, :3]
+    assert found.condition[k] == pytest.approx(np.linalg.cond(jacobian), rel=1e-9)
+    fast = stp.workspaces.sample_workspace(chain, LEVEL, spacing=0.5 * chain.length_scale)
+    np.testing.assert_array_equal(fast.inside, found.inside)
+    np.testing.assert_allclose(fast.condition, found.condition, rtol=1e-9)
+
+
+def test_an_arm_keeps_its_elbow() -> None:
+    """All cells have the elbow on the side of the first; a stretched home says none."""
+    chain = robot("arm_3r_planar")
+    begin = chain.at(chain.q_home + [0.3, 0.9, -0.4])
+    level = begin.pose.rotation
+    with pytest.raises(SingularityError, match=r"begin elsewhere \(start=\)"):
+        stp.workspaces.sample_workspace(chain, stp.platform_pose(chain, chain.q_home).rotation, spacing=0.1)
+    found = stp.workspaces.sample_workspace(chain, level, spacing=0.1, start=begin.pose.translation)
+    signs = np.unique(found.determinant_sign[found.inside])
+    assert len(found.position) > 100 and np.count_nonzero(signs) == 1
+
+
+def test_clearances_of_slides_are_lengths(tmp_path: Path) -> None:
+    """A gantry whose ranges make its size exactly one metre: a slide's coordinate is no angle."""
+    text, parent = '<robot name="gantry"><link name="base"/>', "base"
+    for name, axis, reach in (("x", "1 0 0", 1.0), ("y", "0 1 0", 0.5), ("platform", "0 0 1", 0.5)):
+        text += (
+            f'<link name="{name}"><inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" '
+            f'iyz="0"/></inertial></link><joint name="{name}_slide" type="prismatic" independent="true">'
+            f'<parent link="{parent}"/><child link="{name}"/><axis xyz="{axis}"/>'
+            f'<limit lower="-{reach}" upper="{reach}" effort="9" velocity="9"/></joint>'
+        )
+        parent = name
+    path = tmp_path / "gantry.urdf"
+    path.write_text(text + "</robot>")
+    chain = stp.load(path)
+    assert chain.length_scale == 1.0
+    found = stp.workspaces.sample_workspace(chain, LEVEL, spacing=0.1, length=0.1)
+    assert found.clearance.max() == pytest.approx(0.5) and found.condition.max() == pytest.approx(1.0)
+    assert np.count_nonzero(found.inside) == 21 * 11 * 11

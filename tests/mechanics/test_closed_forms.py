@@ -212,3 +212,47 @@ def test_workspace_and_modes_of_legs_that_no_closed_form_stands_for() -> None:
     one, two = (stp.assembly_modes(c, readings, engine="numpy") for c in (chain, other))
     np.testing.assert_allclose(two.position, one.position, atol=1e-8)
     assert one.certified.all() and not two.certified.any() and two.residual.max() < 1e-10
+
+
+def guided(tmp_path: Path) -> stp.ClosedChain:
+    """Tell a carriage on two slides, three legs on it: lengths are those of a planar platform, turns are not."""
+    bodies = {
+        "x": ("base", "prismatic", "0 0 0", "1 0 0"), "platform": ("x", "prismatic", "0 0 .6", "0 0 1"),
+        "r0": ("base", "continuous", "-.8 0 0", "0 1 0"), "s0": ("r0", "prismatic", ".3 0 .2", "8 0 5.5"),
+        "r1": ("base", "continuous", ".8 0 0", "0 1 0"), "s1": ("r1", "prismatic", "-.3 0 .2", "-7.5 0 5.5"),
+        "r2": ("base", "continuous", ".1 0 1.4", "0 1 0"), "s2": ("r2", "prismatic", "0 0 -.3", "0 0 -1"),
+    }  # fmt: skip
+    text = '<robot name="guided"><link name="base"/>'
+    for name, (parent, kind, xyz, axis) in bodies.items():
+        limit = '<limit lower="-2" upper="2" effort="9" velocity="9"/>' if kind == "prismatic" else ""
+        drive = ' independent="true"' if name in ("s0", "s1", "s2") else ""
+        along = np.array(axis.split(), dtype=float)
+        unit = " ".join(f"{x:.17g}" for x in along / np.linalg.norm(along))
+        text += (
+            f'<link name="{name}"><inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" '
+            f'iyz="0"/></inertial></link><joint name="{name}_joint" type="{kind}"{drive}><parent link="{parent}"/>'
+            f'<child link="{name}"/><origin xyz="{xyz}"/><axis xyz="{unit}"/>{limit}</joint>'
+        )
+    for k, (own, on) in enumerate(
+        [(".5 0 .35", "0 0 -.05"), ("-.45 0 .35", ".05 0 -.05"), ("0 0 -.55", ".1 0 -.05")]
+    ):
+        text += (
+            f'<loop name="loop{k}" type="revolute"><predecessor link="s{k}"><origin xyz="{own}"/></predecessor>'
+            f'<successor link="platform"><origin xyz="{on}"/></successor><axis xyz="0 1 0"/></loop>'
+        )
+    path = tmp_path / "guided.urdf"
+    path.write_text(text + "</robot>")
+    return stp.load(path)
+
+
+def test_a_guided_platform_has_no_closed_form(tmp_path: Path) -> None:
+    """Wherever its slides let it go the lengths agree; the closed form would turn it as well."""
+    chain = guided(tmp_path)
+    assert chain.generic.count.platform == 2
+    assert [form.form for form in stp.dynamics.closed_forms(chain) if form.admitted] == []
+    found = {form.form: form.reason for form in stp.dynamics.closed_forms(chain)}
+    assert "2 freedoms instead of 3" in found["planar_lengths"]
+    poses = stp.forward_kinematics(
+        chain, stp.motor_positions(chain, chain.q_home), all=True, limits=False
+    ).poses
+    assert all(np.abs(pose.rotation - np.eye(3)).max() < 1e-9 for pose in poses)

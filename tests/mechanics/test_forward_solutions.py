@@ -58,3 +58,14 @@ def test_motors_stand_where_they_were_asked_to(name: str, asked: list[float]) ->
     for closure in found.closures:
         np.testing.assert_allclose(stp.motor_positions(chain, closure.q), asked, rtol=0, atol=1e-12)
         assert np.abs(stp.loop_gap(chain, closure.q)).max() < 1e-12
+
+
+def test_motors_that_stand_many_turns_away_are_met() -> None:
+    chain = Mechanism("five_bar_5r").chain
+    few, many = (
+        stp.loops.all_forward_kinematics(chain, [x, 0.0], limits=False, starts=20)
+        for x in (0.1, 0.1 + 14 * np.pi)
+    )
+    assert len(few.poses) == len(many.poses) == 2
+    for pose in many.poses:
+        assert min(np.abs(pose.homogeneous - other.homogeneous).max() for other in few.poses) < 1e-9

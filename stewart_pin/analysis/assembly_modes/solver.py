@@ -32,10 +32,10 @@ from stewart_pin.analysis.assembly_modes.description import AssemblyModes, lies_
 from stewart_pin.analysis.assembly_modes.homotopy import Tracked, TrackerSettings, with_more_digits
 from stewart_pin.analysis.assembly_modes.study import ComplexArray, Scaling, StudyPlatform
 from stewart_pin.checks import as_array
-from stewart_pin.errors import InputError, MissingExtraError
+from stewart_pin.errors import InputError, MissingExtraError, UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths, require_hexapod
 from stewart_pin.geometry.hexapod_pose import as_leg_lengths
-from stewart_pin.mechanics.closed_forms import leg_form
+from stewart_pin.mechanics.closed_forms import admission, leg_form
 from stewart_pin.mechanics.kinematics import (
     forward_kinematics,
     inverse_kinematics,
@@ -85,6 +85,12 @@ def assembly_modes(
     chain = hexapod if isinstance(hexapod, ClosedChain) else None
     readings = lengths
     if isinstance(hexapod, ClosedChain):
+        found = admission(hexapod, "leg_lengths")
+        if found.geometry is None:
+            raise UnsupportedError(
+                f"'{hexapod.name}' stands on no six legs alone ({found.reason}); forward_kinematics(..., all=True) "
+                "searches poses of any chain"
+            )
         sign, offset = hexapod.leg_readings
         readings = as_array("lengths", lengths, (hexapod.nu,))
         lengths = offset + sign * readings

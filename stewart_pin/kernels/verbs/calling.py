@@ -274,6 +274,8 @@ class Caller:
         values = values if isinstance(values, tuple) else (values,)
         if self._wary(name):
             self._look_again(name, (solved.states, *inputs[1:]), values, codes, places, targets=states)
+        if places.conditioning is not None:
+            lost_on_the_way(places.conditioning)
         lost = np.zeros(count, dtype=bool)
         if self.by_legs and self.coordinates == "motor":
             # Pivots of legs are what they are: of the whole tree there are others.
@@ -286,7 +288,6 @@ class Caller:
         given = self._given(solved, values, places.status, single=single, codes=codes)
         if places.conditioning is None:
             return given
-        lost_on_the_way(places.conditioning)
         return _without_last(given)
 
     def _by_whole_tree(
