@@ -151,8 +151,10 @@ def open_chain(
     ----------
     mechanism
         Links, joints and loops.
-    motors, platform, gravity
+    motors, platform
         As for `build_chain`.
+    gravity
+        (3,) as for `build_chain` [m/s²].
 
     Returns
     -------
