@@ -270,7 +270,7 @@ class Growth:
             If there are more.
         """
         answer = self._by_states if self._kernels is None else self._by_kernels
-        begin = (0, 0, 0)
+        begin: tuple[int, ...] = (0, 0, 0)
         steps = [tuple(side * int(k == axis) for k in range(3)) for axis in self.shifts for side in (-1, 1)]
         found = {begin: answer(np.zeros((1, 3)), [self._begin.q])[0]}
         tried: Counter[tuple[int, ...]] = Counter([begin])

@@ -201,8 +201,8 @@ def test_workspace_and_modes_of_legs_that_no_closed_form_stands_for() -> None:
     """The chain answers for itself, to the same numbers: with axes that miss by printed digits, to those digits."""
     chain = robot("stewart")
     other = replace(chain)
-    refused = closed_forms.Admission("leg_lengths", False, np.inf, "for the test", None)
-    other.found["leg_lengths"] = refused
+    read = closed_forms.admission(chain, "leg_lengths").geometry
+    other.found["leg_lengths"] = closed_forms.Admission("leg_lengths", False, np.inf, "for the test", read)
     spacing = 1.3 * chain.length_scale
     one, two = (stp.workspaces.sample_workspace(c, np.eye(3), spacing=spacing) for c in (chain, other))
     np.testing.assert_array_equal(two.inside, one.inside)
