@@ -272,7 +272,7 @@ class Growth:
         answer = self._by_states if self._kernels is None else self._by_kernels
         begin: tuple[int, ...] = (0, 0, 0)
         steps = [tuple(side * int(k == axis) for k in range(3)) for axis in self.shifts for side in (-1, 1)]
-        found = {begin: answer(np.zeros((1, 3)), [self._begin.q])[0]}
+        found: dict[tuple[int, ...], _Cell | None] = {begin: answer(np.zeros((1, 3)), [self._begin.q])[0]}
         tried: Counter[tuple[int, ...]] = Counter([begin])
         front = [begin] if found[begin] is not None else []
         while front:
