@@ -134,6 +134,8 @@ class GrownCells:
     jacobian
         (N, nu, k) rates of the motors per motion of the platform along as many axes as it has freedoms [m or rad per m
         or rad].
+    twists
+        (N, 6, k) the platform's whole motion per motion along each of these axes [m or rad per m or rad].
     axes
         (k,) these axes, of `TWIST_AXES`.
     """
@@ -142,6 +144,7 @@ class GrownCells:
     motors: FloatArray
     inside: np.ndarray
     jacobian: FloatArray
+    twists: FloatArray
     axes: np.ndarray
 
 
@@ -312,6 +315,7 @@ class Growth:
             motors=np.array([one.motors for one in reached.values()]),
             inside=np.array([one.inside for one in reached.values()]),
             jacobian=np.array([one.jacobian for one in reached.values()]),
+            twists=np.array([one.twists for one in reached.values()]),
             axes=self.axes,
         )
 
@@ -324,15 +328,20 @@ class Growth:
             if not closure.success:
                 answers.append(None)
                 continue
-            state, jacobian = closure.state, np.zeros((chain.nu, len(self.axes)))
+            state, jacobian, twists = closure.state, np.zeros((chain.nu, len(self.axes))), self._plain()
             motions = state.freedom.motions
             platform = state.P[self.axes] @ motions
             leads = self._regular(platform)
             if leads:  # spare motors: the least motion
-                jacobian = motions[chain.motor_index] @ np.linalg.pinv(platform)
+                along = np.linalg.pinv(platform)
+                jacobian, twists = motions[chain.motor_index] @ along, state.P @ motions @ along
             inside = not chain.judge.positions(closure.q)
-            answers.append(_Cell(closure.q, closure.q[chain.motor_q_index], inside, jacobian, leads))
+            answers.append(_Cell(closure.q, closure.q[chain.motor_q_index], inside, jacobian, twists, leads))
         return answers
+
+    def _plain(self) -> FloatArray:
+        """Motions along the axes alone."""
+        return np.eye(6)[:, self.axes]
 
     def _regular(self, platform: FloatArray) -> bool:
         """Whether the platform leads its joints one way: where a leg is stretched they may bend to either side."""
@@ -353,7 +362,7 @@ class Growth:
         leads = graded == StateStatus.OK
         jacobian = np.where(leads[:, None, None], jacobian, 0.0)
         return [
-            _Cell(self._begin.q, motors[k], bool(inside[k]), jacobian[k], bool(leads[k]))
+            _Cell(self._begin.q, motors[k], bool(inside[k]), jacobian[k], self._plain(), bool(leads[k]))
             if status[k] == StateStatus.OK
             else None
             for k in range(len(shift))
@@ -368,6 +377,7 @@ class _Cell:
     motors: FloatArray
     inside: bool
     jacobian: FloatArray
+    twists: FloatArray
     leads: bool
 
 

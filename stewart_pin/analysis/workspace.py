@@ -70,7 +70,7 @@ class WorkspaceSamples(Brief):
         (N,) -1 where its least length limits, +1 where its greatest does [dimensionless].
     condition
         (N,) condition number of the leg Jacobian, moments divided by `length`; elsewhere of the motors' rates per
-        motion of the platform in the axes of `FreedomCount`; infinite where it is singular [dimensionless].
+        motion of the platform; infinite where it is singular [dimensionless].
     determinant_sign
         (N,) sign of its determinant; it changes where a singularity is crossed, and is 0 on one [dimensionless].
     index
@@ -248,8 +248,9 @@ def _grown(
     begin = np.array(home) if start is None else as_array("start", start, (3,))
     growth = Growth(chain, rotation, begin, kernels=kernels)
     length = chain.length_scale if length is None else as_positive("length", length)
+    extent = growth.extent()
     if spacing is None:
-        spacing = growth.extent() / _FEWER
+        spacing = extent / _FEWER
     spacing = as_positive("spacing", spacing)
     found = growth.cells(spacing, _MOST_LED)
     low = found.index.min(axis=0)
@@ -302,10 +303,13 @@ def _motor_clearance(
 
 def _motor_quality(chain: ClosedChain, found: GrownCells, length: float) -> tuple[FloatArray, np.ndarray]:
     """Condition number of the motors' rates per motion of the platform, and the sign of their determinant."""
-    jacobian = found.jacobian * _arms(chain, length)[:, None] / np.repeat([1.0, length], 3)[found.axes]
-    singular = np.linalg.svd(jacobian, compute_uv=False)
+    jacobian = found.jacobian * _arms(chain, length)[:, None]
+    # Per motion of size one, whichever axes tell it: a platform of few freedoms moves along others as well.
+    twists = found.twists * np.repeat([1.0, length], 3)[:, None]
+    singular = np.linalg.svd(jacobian @ np.linalg.pinv(twists), compute_uv=False)[:, : len(found.axes)]
     regular = singular[:, -1] > _NOISE * singular[:, 0]
     condition = np.divide(singular[:, 0], singular[:, -1], out=np.full(len(singular), np.inf), where=regular)
+    jacobian = jacobian / np.repeat([1.0, length], 3)[found.axes]
     if jacobian.shape[1] != jacobian.shape[2]:  # spare motors: no determinant
         return condition, regular.astype(int)
     determinant = np.linalg.det(jacobian)
