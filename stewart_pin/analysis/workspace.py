@@ -189,6 +189,8 @@ def sample_workspace(
         If it does not reach `start` with these axes.
     UnreachableError
         If it does beyond its limits.
+    SingularityError
+        If it is singular there, as a stretched arm at home.
     """
     rotation = as_rotation("rotation", as_array("rotation", rotation, (3, 3)))
     chain = hexapod if isinstance(hexapod, ClosedChain) else None

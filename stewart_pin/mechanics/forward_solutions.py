@@ -20,6 +20,9 @@ from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 _SAME = 1e-6
 """Configurations nearer than this are one: Newton's residual of 1e-14 moves a double root by its square root [1]."""
 
+_FARTHEST = 1000.0
+"""Most steps on top of the usual ones for motors that stand far away: a coupled motor's fifty turns."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ForwardSolutions(Brief):
@@ -96,7 +99,7 @@ def all_forward_kinematics(
         guess = chain.q_home if start == 0 else random_configuration(chain, rng)
         guess = _wound(chain, guess, target)
         away = np.abs(guess[chain.motor_q_index] - target) / chain.tangent_scale[chain.motor_index]
-        steps = MAX_ITERATIONS + int(np.ceil(np.max(away, initial=0.0) / LARGEST_STEP))
+        steps = MAX_ITERATIONS + int(min(_FARTHEST, np.max(away, initial=0.0) / LARGEST_STEP))
         closure = solve(chain, guess, system, max_iterations=steps)
         closure = replace(closure, state=State(chain, unwound(chain, closure.q, asked=chain.motors)))
         if not closure.success or (limits and chain.judge.positions(closure.q, slack=_SAME)):
