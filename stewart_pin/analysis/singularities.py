@@ -191,25 +191,10 @@ class _Search:
                 for kind in self._kinds:
                     if here.measures[kind].value <= self._tolerance:
                         return self._result(here, kind, crossed=False)
-                verdicts = {kind: self._between(here, there, kind) for kind in self._kinds}
-                wide = there.s - here.s > _SHORTEST * self._span
-                if "unsure" in verdicts.values() and wide:
+                roots = self._roots(here, there, zero)
+                if roots is None:
                     ahead.append(self._sample((here.s + there.s) / 2))
                     continue
-                self._require_motion(here, there)
-                # What is still unsure in the shortest interval: vectors that turn fast beside a value that is not zero.
-                verdicts = {kind: "clear" if x == "unsure" else x for kind, x in verdicts.items()}
-                roots = [
-                    (*self._root(here, there, kind, verdict), kind)
-                    for kind, verdict in verdicts.items()
-                    if verdict != "clear"
-                ]
-                # A change of sign without a zero: the vectors of two values that come near each other were exchanged.
-                false = any(at.measures[kind].value > zero for at, _, kind in roots)
-                if false and wide:
-                    ahead.append(self._sample((here.s + there.s) / 2))
-                    continue
-                roots = [root for root in roots if root[0].measures[root[2]].value <= zero]
                 if roots:
                     at, crossed, kind = min(roots, key=lambda root: root[0].s)
                     return self._result(at, kind, crossed=crossed)
@@ -219,6 +204,22 @@ class _Search:
         return self._result(
             nearest, kind, crossed=False, found=nearest.measures[kind].value <= self._tolerance
         )
+
+    def _roots(
+        self, here: _Sample, there: _Sample, zero: float
+    ) -> list[tuple[_Sample, bool, SingularityKind]] | None:
+        """Singularities in an interval, whether each is crossed, and its kind; None where a shorter one would tell."""
+        verdicts = {kind: self._between(here, there, kind) for kind in self._kinds}
+        wide = there.s - here.s > _SHORTEST * self._span
+        if "unsure" in verdicts.values() and wide:
+            return None
+        self._require_motion(here, there)
+        # What is still unsure in the shortest interval: vectors that turn fast beside a value that is not zero.
+        sure = {kind: verdict for kind, verdict in verdicts.items() if verdict not in ("clear", "unsure")}
+        roots = [(*self._root(here, there, kind, verdict), kind) for kind, verdict in sure.items()]
+        true = [root for root in roots if root[0].measures[root[2]].value <= zero]
+        # A change of sign without a zero: the vectors of two values that come near each other were exchanged.
+        return None if wide and len(true) < len(roots) else true
 
     def _sample(self, s: float) -> _Sample:
         s = float(s)

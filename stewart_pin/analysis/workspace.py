@@ -202,21 +202,33 @@ def sample_workspace(
         raise InputError(
             "start is for platforms on anything but six legs: the workspace of these is found as a whole"
         )
+    if sheet not in ("upper", "lower", "both"):
+        raise InputError(f"sheet must be 'upper', 'lower' or 'both', got {sheet!r}")
     joints = chain is not None and _others_limited(chain)
-    if isinstance(hexapod, ClosedChain):
-        hexapod = Hexapod.from_chain(hexapod)
+    geometry = Hexapod.from_chain(hexapod) if isinstance(hexapod, ClosedChain) else hexapod
     strokes = _strokes(chain, stroke)
     measured = None
     if chain is not None and leg_form(chain, "leg_lengths") is None:
-        measured = ChainLegs(chain, hexapod, rotation, strokes)
-    if sheet not in ("upper", "lower", "both"):
-        raise InputError(f"sheet must be 'upper', 'lower' or 'both', got {sheet!r}")
-    radius = float(np.sqrt((hexapod.platform_points**2).sum(axis=1).mean())) or 1.0
+        measured = ChainLegs(chain, geometry, rotation, strokes)
+    radius = float(np.sqrt((geometry.platform_points**2).sum(axis=1).mean())) or 1.0
     length = radius if length is None else as_positive("length", length)
-    bounds = _bounds(hexapod, rotation, strokes, sheet)
+    bounds = _bounds(geometry, rotation, strokes, sheet)
+    corner, shape, spacing = _grid(bounds, spacing, sheet, _FEWER if joints or measured else _ACROSS)
+    lengths = lengths_at(geometry, rotation, int(np.prod(shape)), kernels)
+    if measured is not None:
+        lengths = partial(measured.lengths, reach=spacing)
+    quality = partial(_quality, geometry, rotation, length, measured)
+    samples = _evaluate(quality, lengths, strokes, corner, bounds, shape, spacing, length)
+    return _judged(chain, rotation, samples) if chain is not None and joints else samples
+
+
+def _grid(
+    bounds: FloatArray, spacing: float | None, sheet: Sheet, across: int
+) -> tuple[FloatArray, tuple[int, ...], float]:
+    """Lay cells into a box: their corner, how many there are along each axis, and their sides."""
     extent = bounds[1] - bounds[0]
     if spacing is None:
-        spacing = max(float(extent.max()), np.finfo(float).tiny) / (_FEWER if joints or measured else _ACROSS)
+        spacing = max(float(extent.max()), np.finfo(float).tiny) / across
     spacing = as_positive("spacing", spacing)
     cells = np.ceil(np.maximum(extent, 0.0) / spacing - 1e-9)
     if cells.prod() > _MOST:
@@ -228,13 +240,7 @@ def sample_workspace(
     corner = bounds[0].copy()
     if sheet == "lower":
         corner[2] = bounds[1, 2] - cells[2] * spacing
-    shape = tuple(int(n) for n in cells)
-    lengths = lengths_at(hexapod, rotation, int(cells.prod()), kernels)
-    if measured is not None:
-        lengths = partial(measured.lengths, reach=spacing)
-    quality = partial(_quality, hexapod, rotation, length, measured)
-    samples = _evaluate(quality, lengths, strokes, corner, bounds, shape, spacing, length)
-    return _judged(chain, rotation, samples) if chain is not None and joints else samples
+    return corner, tuple(int(n) for n in cells), spacing
 
 
 def _grown(

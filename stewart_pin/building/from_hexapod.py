@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 
@@ -107,51 +108,96 @@ def hexapod_chain(
         if not value > 0:
             raise InputError(f"{argument} must be an angle above zero, got {value!r}")
     pose = pin.SE3(np.eye(3), default_home(hexapod, low, high)) if home is None else as_pose("home", home)
-    axes = (_X, _Y) if lower_joint == "universal" else (_X, _Y, _Z)
-    links = [Link("base", base), Link("platform", platform)]
-    joints = [Joint("platform_pose", JointKind.FLOATING, "base", "platform", pin.SE3.Identity())]
-    loops: list[Loop] = []
-    values: dict[str, FloatArray] = {"platform_pose": pin.SE3ToXYZQUAT(pose)}
-    for number, (foot, head) in enumerate(
-        zip(hexapod.base_points, hexapod.platform_points, strict=True), start=1
-    ):
-        leg = f"leg{number}"
-        names = [f"{leg}_{'xyz'[k]}" for k in range(len(axes))]
-        parents = ["base", *(f"{leg}_cross{k + 1 if len(axes) > 2 else ''}" for k in range(len(axes) - 1))]
-        children = [*parents[1:], f"{leg}_lower"]
-        for k, (joint, axis) in enumerate(zip(names, axes, strict=True)):
-            placement = pin.SE3(np.eye(3), foot) if k == 0 else pin.SE3.Identity()
+    ends = zip(hexapod.base_points, hexapod.platform_points, strict=True)
+    legs = [
+        _Leg(f"leg{number}", foot, head, pose, 2 if lower_joint == "universal" else 3)
+        for number, (foot, head) in enumerate(ends, start=1)
+    ]
+    cylinders = [leg.cylinder(low, high, effort, velocity) for leg in legs]
+    mechanism = Mechanism(
+        name,
+        (
+            Link("base", base),
+            Link("platform", platform),
+            *(x for leg in legs for x in leg.links(lower, upper)),
+        ),
+        (
+            Joint("platform_pose", JointKind.FLOATING, "base", "platform", pin.SE3.Identity()),
+            *(x for leg, last in zip(legs, cylinders, strict=True) for x in (*leg.feet(swing), last)),
+        ),
+        tuple(leg.ball(ball_swing) for leg in legs),
+        platform="platform",
+        home={"platform_pose": pin.SE3ToXYZQUAT(pose)}
+        | {k: x for leg in legs for k, x in leg.home().items()},
+        source="",
+        notes=(*_too_long("lower", lower, 1.0, low, high), *_too_long("upper", upper, -1.0, low, high)),
+    )
+    return build_chain(mechanism, gravity=gravity)
+
+
+@dataclass(frozen=True, eq=False)
+class _Leg:
+    """A leg from its point on the base to that on the platform [m], the platform's pose, hinges of its lower joint."""
+
+    name: str
+    foot: FloatArray
+    head: FloatArray
+    pose: pin.SE3
+    hinges: int
+
+    @property
+    def vector(self) -> FloatArray:
+        """(3,) from the one end to the other at home [m]."""
+        return self.pose.act(self.head) - self.foot
+
+    def hinge_names(self) -> list[str]:
+        return [f"{self.name}_{axis}" for axis in "xyz"[: self.hinges]]
+
+    def crosses(self) -> list[str]:
+        """Links without mass between the hinges."""
+        return [f"{self.name}_cross{k if self.hinges > 2 else ''}" for k in range(1, self.hinges)]
+
+    def links(self, lower: pin.Inertia, upper: pin.Inertia) -> list[Link]:
+        bodies = [Link(f"{self.name}_lower", lower), Link(f"{self.name}_upper", upper)]
+        return [*(Link(cross) for cross in self.crosses()), *bodies]
+
+    def feet(self, swing: float) -> list[Joint]:
+        """Hinges of the lower joint."""
+        between = self.crosses()
+        carriers, carried = ["base", *between], [*between, f"{self.name}_lower"]
+        joints = []
+        for k, name in enumerate(self.hinge_names()):
+            placement = pin.SE3(np.eye(3), self.foot) if k == 0 else pin.SE3.Identity()
             limit = 2 * np.pi if k == 2 else swing
             # A leg that hangs stands half a turn from one that stands up.
-            middle = np.pi if k == 0 and pose.act(head)[2] < foot[2] else 0.0
+            middle = np.pi if k == 0 and self.vector[2] < 0 else 0.0
             joints.append(
                 Joint(
-                    joint, JointKind.REVOLUTE, parents[k], children[k], placement, axis,
+                    name, JointKind.REVOLUTE, carriers[k], carried[k], placement, (_X, _Y, _Z)[k],
                     middle - limit, middle + limit,
                 )
             )  # fmt: skip
-        joints.append(
-            Joint(
-                leg, JointKind.PRISMATIC, f"{leg}_lower", f"{leg}_upper", pin.SE3.Identity(), _Z,
-                low, high, effort, velocity, independent=True,
-            )
+        return joints
+
+    def cylinder(self, low: float, high: float, effort: float, velocity: float) -> Joint:
+        """Motor of the leg."""
+        return Joint(
+            self.name, JointKind.PRISMATIC, f"{self.name}_lower", f"{self.name}_upper", pin.SE3.Identity(), _Z,
+            low, high, effort, velocity, independent=True,
         )  # fmt: skip
-        links += [Link(link) for link in parents[1:]]
-        links += [Link(f"{leg}_lower", lower), Link(f"{leg}_upper", upper)]
-        loops.append(
-            Loop(
-                f"{leg}_ball", JointKind.SPHERICAL, "platform", f"{leg}_upper",
-                pin.SE3(np.eye(3) if np.isinf(ball_swing) else _along(pose.rotation.T @ (pose.act(head) - foot)), head),
-                pin.SE3.Identity(),
-                bounds=() if np.isinf(ball_swing) else (Bounds(position=(-inf, ball_swing)), Bounds()),
-            )
+
+    def ball(self, swing: float) -> Loop:
+        """Joint at the platform, which closes the loop; its z is along the leg where the swing has a limit."""
+        stated = not np.isinf(swing)
+        along = _along(self.pose.rotation.T @ self.vector) if stated else np.eye(3)
+        return Loop(
+            f"{self.name}_ball", JointKind.SPHERICAL, "platform", f"{self.name}_upper",
+            pin.SE3(along, self.head), pin.SE3.Identity(),
+            bounds=(Bounds(position=(-inf, swing)), Bounds()) if stated else (),
         )  # fmt: skip
-        values |= _leg_values(names, leg, pose.act(head) - foot)
-    mechanism = Mechanism(
-        name, tuple(links), tuple(joints), tuple(loops), platform="platform", home=values, source="",
-        notes=(*_too_long("lower", lower, 1.0, low, high), *_too_long("upper", upper, -1.0, low, high)),
-    )  # fmt: skip
-    return build_chain(mechanism, gravity=gravity)
+
+    def home(self) -> dict[str, FloatArray]:
+        return _leg_values(self.hinge_names(), self.name, self.vector)
 
 
 def read_stroke(stroke: tuple[float, float]) -> tuple[float, float]:

@@ -150,21 +150,28 @@ def _suggest(
         lost = space @ vt[: np.count_nonzero(s > TAKES_PART)].T
         if not lost.shape[1]:
             break
-        strength = {name: float(np.linalg.norm(row @ lost)) for name, row in rows.items()}
-        best = max(strength.values(), default=0.0)
-        if best <= TAKES_PART:
+        best = _strongest({name: float(np.linalg.norm(row @ lost)) for name, row in rows.items()}, alike)
+        if best is None:
             return ()
-        usual = max((strength[name] for name in alike), default=0.0)
-        pool = alike if usual > _WORTH_IT * best else set(rows)
-        # Of joints that are equally good the first in the file, whatever the round-off.
-        enough = (1 - 1e-6) * (usual if pool is alike else best)
-        chosen.append(next(name for name, value in strength.items() if name in pool and value >= enough))
+        chosen.append(best)
     for name in reversed(chosen.copy()):
         others = [other for other in chosen if other != name]
         if np.linalg.norm(platform @ _left(rows, others, platform)) <= TAKES_PART:
             chosen = others
     added = [name for name in rows if name in chosen and name not in given]
     return (*(name for name in given if name in chosen), *added)
+
+
+def _strongest(strength: Mapping[str, float], alike: set[str]) -> str | None:
+    """Name the joint that takes most part, one of those `alike` where that is worth it; None where none does."""
+    best = max(strength.values(), default=0.0)
+    if best <= TAKES_PART:
+        return None
+    usual = max((strength[name] for name in alike), default=0.0)
+    pool = alike if usual > _WORTH_IT * best else set(strength)
+    # Of joints that are equally good the first in the file, whatever the round-off.
+    enough = (1 - 1e-6) * (usual if pool is alike else best)
+    return next(name for name, value in strength.items() if name in pool and value >= enough)
 
 
 def _left(rows: Mapping[str, FloatArray], locked: Sequence[str], platform: FloatArray) -> FloatArray:

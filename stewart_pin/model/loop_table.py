@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 from numpy.polynomial.polynomial import polyder, polyval
 
-from stewart_pin.model.description import JointKind, Mechanism
-from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows, orthonormal_triad
+from stewart_pin.model.description import JointKind, Loop, Mechanism
+from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, Row, closure_rows, orthonormal_triad
 from stewart_pin.model.tree import link_frame
 from stewart_pin.typing import FloatArray
 
@@ -177,75 +178,114 @@ def build_loop_table(mechanism: Mechanism, model: pin.Model) -> LoopTable:
     LoopTable
         The loops as arrays.
     """
-    ends: list[list[tuple[int, pin.SE3]]] = [[], []]
-    names: list[str] = []
-    slices: list[slice] = []
-    groups: dict[type, list[tuple[int, int, object]]] = {NormalRow: [], AngleRow: [], LengthRow: []}
-    for number, loop in enumerate(mechanism.loops):
-        for side, link, placement in ((0, loop.link1, loop.placement1), (1, loop.link2, loop.placement2)):
-            frame = model.frames[link_frame(model, link)]
-            ends[side].append((frame.parentJoint, frame.placement * placement))
-        rows = closure_rows(loop)
-        start = len(names)
-        for k, row in enumerate(rows):
-            groups[type(row)].append((start + k, number, row))
-            names.append(f"{loop.name} row {k + 1}")
-        slices.append(slice(start, len(names)))
+    loops = mechanism.loops
+    first = _ends(model, [(loop.link1, loop.placement1) for loop in loops])
+    second = _ends(model, [(loop.link2, loop.placement2) for loop in loops])
+    names, slices, groups = _rows(loops)
     first_coupling = len(names)
     names += [coupling.name for coupling in mechanism.couplings]
-    aligned = [
-        (number, direction)
-        for number, loop in enumerate(mechanism.loops)
-        if loop.kind in _ALIGNED
-        for direction in orthonormal_triad(loop.axis)[: 3 if loop.kind in _HELD else 1]
-    ]
     owner = np.full(len(names), -1)
     for number, rows_of_loop in enumerate(slices):
         owner[rows_of_loop] = number
-    supports = [np.array([support(model, joint) for joint, _ in side]).reshape(-1, model.nv) for side in ends]
-    rotation1, rotation2 = (
-        np.array([placement.rotation for _, placement in side]).reshape(-1, 3, 3) for side in ends
-    )
-    translation1, translation2 = (
-        np.array([placement.translation for _, placement in side]).reshape(-1, 3) for side in ends
-    )
-    at1, at2 = (np.array([joint for joint, _ in side], dtype=int) for side in ends)
     normal, angle = _group(groups[NormalRow]), _group(groups[AngleRow])
     carried = [
-        translation1,
-        translation2,
-        (rotation1[normal.loop] @ normal.vector1[:, :, None])[:, :, 0],
-        (rotation1[angle.loop] @ angle.vector1[:, :, None])[:, :, 0],
-        (rotation2[angle.loop] @ angle.vector2[:, :, None])[:, :, 0],
+        first.translation,
+        second.translation,
+        (first.rotation[normal.loop] @ normal.vector1[:, :, None])[:, :, 0],
+        (first.rotation[angle.loop] @ angle.vector1[:, :, None])[:, :, 0],
+        (second.rotation[angle.loop] @ angle.vector2[:, :, None])[:, :, 0],
     ]
-    first, second, third, fourth = np.cumsum([len(part) for part in carried])[:4].tolist()
+    split = np.cumsum([len(part) for part in carried])[:4].tolist()
+    aligned, directions = _aligned(loops)
+    difference = second.supports - first.supports
     return LoopTable(
         size=len(names),
         names=tuple(names),
         slices=tuple(slices),
-        joint1=tuple(joint for joint, _ in ends[0]),
-        joint2=tuple(joint for joint, _ in ends[1]),
-        rotation1=rotation1,
-        rotation2=rotation2,
-        translation1=translation1,
-        translation2=translation2,
-        at1=at1,
-        at2=at2,
-        carriers=np.concatenate([at1, at2, at1[normal.loop], at1[angle.loop], at2[angle.loop]]),
+        joint1=tuple(first.joint.tolist()),
+        joint2=tuple(second.joint.tolist()),
+        rotation1=first.rotation,
+        rotation2=second.rotation,
+        translation1=first.translation,
+        translation2=second.translation,
+        at1=first.joint,
+        at2=second.joint,
+        carriers=np.concatenate(
+            [
+                first.joint,
+                second.joint,
+                first.joint[normal.loop],
+                first.joint[angle.loop],
+                second.joint[angle.loop],
+            ]
+        ),
         carried=np.concatenate(carried)[:, :, None],
-        split=(first, second, third, fourth),
-        supports=np.concatenate(supports),
-        aligned=np.array([number for number, _ in aligned], dtype=int),
-        directions=np.array([direction for _, direction in aligned], dtype=float).reshape(-1, 3),
-        row_difference=np.vstack([supports[1] - supports[0], np.zeros((1, model.nv))])[owner],
+        split=(split[0], split[1], split[2], split[3]),
+        supports=np.concatenate([first.supports, second.supports]),
+        aligned=aligned,
+        directions=directions,
+        row_difference=np.vstack([difference, np.zeros((1, model.nv))])[owner],
         row_loop=np.maximum(owner, 0),
         only_normals=len(normal.index) == len(names),
-        difference=supports[1] - supports[0],
+        difference=difference,
         normal=normal,
         angle=angle,
         rod=_group(groups[LengthRow]),
         coupling=_couplings(mechanism, model, first_coupling),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """One side of all loops: (L,) joints, (L, 3, 3), (L, 3) frames in them, (L, nv) tangent entries that move them."""
+
+    joint: np.ndarray
+    rotation: FloatArray
+    translation: FloatArray
+    supports: FloatArray
+
+
+def _ends(model: pin.Model, frames: Sequence[tuple[str, pin.SE3]]) -> _Ends:
+    """Place frames of links in the joints that carry them."""
+    carriers = [model.frames[link_frame(model, link)] for link, _ in frames]
+    placed = [carrier.placement * at for carrier, (_, at) in zip(carriers, frames, strict=True)]
+    joints = [carrier.parentJoint for carrier in carriers]
+    return _Ends(
+        joint=np.array(joints, dtype=int),
+        rotation=np.array([at.rotation for at in placed]).reshape(-1, 3, 3),
+        translation=np.array([at.translation for at in placed]).reshape(-1, 3),
+        supports=np.array([support(model, joint) for joint in joints]).reshape(-1, model.nv),
+    )
+
+
+_Entry = tuple[int, int, Row]
+"""A row, its index among all and that of its loop."""
+
+
+def _rows(loops: Sequence[Loop]) -> tuple[list[str], list[slice], dict[type, list[_Entry]]]:
+    """List the rows of loops: their names, which are whose, and the rows by kind."""
+    names: list[str] = []
+    slices: list[slice] = []
+    groups: dict[type, list[_Entry]] = {NormalRow: [], AngleRow: [], LengthRow: []}
+    for number, loop in enumerate(loops):
+        start = len(names)
+        for k, row in enumerate(closure_rows(loop)):
+            groups[type(row)].append((start + k, number, row))
+            names.append(f"{loop.name} row {k + 1}")
+        slices.append(slice(start, len(names)))
+    return names, slices, groups
+
+
+def _aligned(loops: Sequence[Loop]) -> tuple[np.ndarray, FloatArray]:
+    """Directions that loops hold together, and the loop of each."""
+    held = [
+        (number, direction)
+        for number, loop in enumerate(loops)
+        if loop.kind in _ALIGNED
+        for direction in orthonormal_triad(loop.axis)[: 3 if loop.kind in _HELD else 1]
+    ]
+    numbers = np.array([number for number, _ in held], dtype=int)
+    return numbers, np.array([direction for _, direction in held], dtype=float).reshape(-1, 3)
 
 
 def _couplings(mechanism: Mechanism, model: pin.Model, first: int) -> CouplingRows:

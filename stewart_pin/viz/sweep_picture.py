@@ -91,17 +91,18 @@ def _cut(found: Sweep, at: Mapping[str, Any]) -> tuple[tuple[Any, ...], dict[str
         )
     if found.paired:
         return (slice(None),), left
-    cut: list[Any] = []
-    for name, values in found.axes.items():
-        if name not in at:
-            cut.append(slice(None))
-            continue
-        same = values == at[name] if values.dtype.kind == "U" else np.isclose(values, at[name], atol=0.0)
-        if not np.any(same):
-            listed = ", ".join(map(str, values.tolist()[:12]))
-            raise InputError(f"at: {name} has no value {at[name]!r}; it has {listed}")
-        cut.append(int(np.argmax(same)))
+    every = slice(None)
+    cut = [_place(name, x, at[name]) if name in at else every for name, x in found.axes.items()]
     return tuple(cut), left
+
+
+def _place(name: str, values: np.ndarray, value: Any) -> int:
+    """Index of a value of a parameter."""
+    same = values == value if values.dtype.kind == "U" else np.isclose(values, value, atol=0.0)
+    if not np.any(same):
+        listed = ", ".join(map(str, values.tolist()[:12]))
+        raise InputError(f"at: {name} has no value {value!r}; it has {listed}")
+    return int(np.argmax(same))
 
 
 def _field(found: Sweep, values: str | ArrayLike) -> FloatArray:

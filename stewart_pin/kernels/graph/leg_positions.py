@@ -131,22 +131,28 @@ def leg_positions(leg: Leg, targets: Sequence[ca.SX]) -> LegPositions:
     reaches: dict[int, Reach] = {}
     for k, pointer in enumerate(pointers):
         target = points[id(pointer.end)]
-        first = leg.joints[pointer.turns[0]]
         planar = pointer.planar(leg)
         (_point_in_plane if planar else _point)(leg, pointer, target, moved, values)
         if stem is None and pointer.slide is not None and not planar:
-            sign = _sign(leg, pointer, pointer.slide)
-            reaches[pointer.slide] = Reach(first.translation, pointer.end.other, sign, pointer.offset)
-        arm = target - constant(first.translation)
-        square = ca.dot(arm, arm)
-        if pointer.slide is None and (k or stem is None):
-            stretched.append(square / pointer.offset**2 - 1)
-        if planar:
-            stretched.append(
-                ca.dot(rotation_constant(first.rotation) @ constant(first.axis), arm) / ca.sqrt(square)
-            )
+            sign, centre = _sign(leg, pointer, pointer.slide), leg.joints[pointer.turns[0]].translation
+            reaches[pointer.slide] = Reach(centre, pointer.end.other, sign, pointer.offset)
+        # The rod that a crank or rail has been moved to fit is as long as it should be.
+        fitted = pointer.slide is not None or (stem is not None and k == 0)
+        stretched += _misfits(leg, pointer, target, fitted=fitted)
     placements = tuple(moved[k] for k in range(len(leg.joints)))
     return LegPositions(placements, values, tuple(stretched), reaches, stem is not None)
+
+
+def _misfits(leg: Leg, pointer: _Pointer, target: ca.SX, *, fitted: bool) -> list[ca.SX]:
+    """Measure by what a pointer does not reach its target: its length, and the slope out of its plane."""
+    first = leg.joints[pointer.turns[0]]
+    arm = target - constant(first.translation)
+    square = ca.dot(arm, arm)
+    found = [] if fitted else [square / pointer.offset**2 - 1]
+    if pointer.planar(leg):
+        normal = rotation_constant(first.rotation) @ constant(first.axis)
+        found.append(ca.dot(normal, arm) / ca.sqrt(square))
+    return found
 
 
 def _into(joint: TreeJoint, point: ca.SX) -> ca.SX:
@@ -163,14 +169,9 @@ def _no_form(leg: Leg, reason: str) -> UnsupportedError:
 
 
 def _take_apart(leg: Leg) -> tuple[int | None, tuple[_Pointer, ...]]:
-    first = leg.joints[0]
-    below = [k for k, joint in enumerate(leg.joints) if joint.parent == 1]
-    slides = len(below) == 1 and leg.joints[below[0]].kind is JointKind.PRISMATIC
-    turns = first.kind is JointKind.SPHERICAL or (
-        first.kind is JointKind.REVOLUTE
-        and (not below or slides or (len(below) == 1 and _crosses(leg, 0, below[0])))
-    )
-    stem = None if turns else 0
+    """Find what moves the pointers of a leg, None where it hangs on its first turns, and the pointers."""
+    first, below = leg.joints[0], _below(leg, 0)
+    stem = None if _points_at_once(leg, below) else 0
     if stem is not None and first.kind not in (JointKind.REVOLUTE, JointKind.PRISMATIC):
         raise _no_form(leg, f"joint '{first.name}' is {first.kind}")
     starts = [0] if stem is None else below
@@ -179,6 +180,21 @@ def _take_apart(leg: Leg) -> tuple[int | None, tuple[_Pointer, ...]]:
     if not pointers or used + (stem is not None) != len(leg.joints) or len(pointers) != len(leg.ends):
         raise _no_form(leg, "it has more joints or ends than its pointers use")
     return stem, pointers
+
+
+def _below(leg: Leg, joint: int) -> list[int]:
+    """Joints that hang on a joint."""
+    return [k for k, other in enumerate(leg.joints) if other.parent == joint + 1]
+
+
+def _points_at_once(leg: Leg, below: Sequence[int]) -> bool:
+    """Whether the first joint turns a pointer, and is no crank or rail that carries others."""
+    first = leg.joints[0]
+    if first.kind is JointKind.SPHERICAL or not below:
+        return first.kind in (JointKind.SPHERICAL, JointKind.REVOLUTE)
+    if first.kind is not JointKind.REVOLUTE or len(below) > 1:
+        return False
+    return leg.joints[below[0]].kind is JointKind.PRISMATIC or _crosses(leg, 0, below[0])
 
 
 def _crosses(leg: Leg, one: int, two: int) -> bool:
@@ -191,39 +207,54 @@ def _crosses(leg: Leg, one: int, two: int) -> bool:
 
 
 def _pointer(leg: Leg, start: int, *, rod: bool) -> _Pointer:
-    below = {
-        k: [n for n, joint in enumerate(leg.joints) if joint.parent == k + 1] for k in range(len(leg.joints))
-    }
-    turns = [start]
-    if leg.joints[start].kind not in (JointKind.SPHERICAL, JointKind.REVOLUTE):
-        raise _no_form(leg, f"joint '{leg.joints[start].name}' does not turn")
-    if len(below[start]) == 1 and _crosses(leg, start, below[start][0]):
-        turns.append(below[start][0])
-    last, slide, spin = turns[-1], None, None
-    if len(turns) == 2 and below[last] and leg.joints[below[last][0]].kind is JointKind.REVOLUTE:
-        last = spin = below[last][0]
-    if below[last]:
-        slide = below[last][0]
-        if rod or len(below[last]) > 1 or leg.joints[slide].kind is not JointKind.PRISMATIC or below[slide]:
-            raise _no_form(leg, f"joint '{leg.joints[slide].name}' is not the slide at the end of a leg")
+    """Find the joints of a pointer from its first one on, and its line; a rod ends without a slide."""
+    turns, spin = _turns_of(leg, start)
+    last = turns[-1] if spin is None else spin
+    slide = _slide_of(leg, last, rod=rod)
     carrier = last if slide is None else slide
     end = next((end for end in leg.ends if end.body == carrier + 1), None)
     if end is None:
         raise _no_form(leg, f"the body of joint '{leg.joints[carrier].name}' has no end")
-    line, offset = _line(leg, slide, end)
-    pointer = _Pointer(tuple(turns), spin, slide, end, line, offset)
-    if spin is not None:
-        hinge = leg.joints[spin]
-        if (
-            np.abs(hinge.translation).max() > _ROUND_OFF
-            or np.abs(np.cross(hinge.axis, line)).max() > _ROUND_OFF
-        ):
-            raise _no_form(leg, f"hinge '{hinge.name}' does not stand along the line to its end")
-    if pointer.planar(leg) and abs(pointer.line @ leg.joints[start].axis) > _ROUND_OFF:
-        raise _no_form(leg, f"it does not stay in the plane of hinge '{leg.joints[start].name}'")
-    if len(turns) == 2 and abs(_turned_line(leg, pointer) @ leg.joints[turns[1]].axis) > _ROUND_OFF:
-        raise _no_form(leg, f"it does not stand at right angles to the axis of '{leg.joints[turns[1]].name}'")
+    pointer = _Pointer(turns, spin, slide, end, *_line(leg, slide, end))
+    _require_right_angles(leg, pointer)
     return pointer
+
+
+def _turns_of(leg: Leg, start: int) -> tuple[tuple[int, ...], int | None]:
+    """Joints that turn a pointer about its point, and a third hinge on two of them that may spin it."""
+    if leg.joints[start].kind not in (JointKind.SPHERICAL, JointKind.REVOLUTE):
+        raise _no_form(leg, f"joint '{leg.joints[start].name}' does not turn")
+    below = _below(leg, start)
+    if len(below) != 1 or not _crosses(leg, start, below[0]):
+        return (start,), None
+    further = _below(leg, below[0])
+    spins = bool(further) and leg.joints[further[0]].kind is JointKind.REVOLUTE
+    return (start, below[0]), further[0] if spins else None
+
+
+def _slide_of(leg: Leg, last: int, *, rod: bool) -> int | None:
+    """Joint by which a pointer reaches its end, on the last of those that turn it."""
+    below = _below(leg, last)
+    if not below:
+        return None
+    slide = leg.joints[below[0]]
+    if rod or len(below) > 1 or slide.kind is not JointKind.PRISMATIC or _below(leg, below[0]):
+        raise _no_form(leg, f"joint '{slide.name}' is not the slide at the end of a leg")
+    return below[0]
+
+
+def _require_right_angles(leg: Leg, pointer: _Pointer) -> None:
+    """Refuse a line that its hinges do not turn as the closed form has it."""
+    first, last = leg.joints[pointer.turns[0]], leg.joints[pointer.turns[-1]]
+    if pointer.spin is not None:
+        hinge = leg.joints[pointer.spin]
+        off = max(np.abs(hinge.translation).max(), np.abs(np.cross(hinge.axis, pointer.line)).max())
+        if off > _ROUND_OFF:
+            raise _no_form(leg, f"hinge '{hinge.name}' does not stand along the line to its end")
+    if pointer.planar(leg) and abs(pointer.line @ first.axis) > _ROUND_OFF:
+        raise _no_form(leg, f"it does not stay in the plane of hinge '{first.name}'")
+    if len(pointer.turns) == 2 and abs(_turned_line(leg, pointer) @ last.axis) > _ROUND_OFF:
+        raise _no_form(leg, f"it does not stand at right angles to the axis of '{last.name}'")
 
 
 def _turned_line(leg: Leg, pointer: _Pointer) -> FloatArray:

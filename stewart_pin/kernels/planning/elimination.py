@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -375,15 +375,9 @@ def solve_symmetric(
         k = left.pop(best)
         score = min(score, quality[best])
         places.append(k)
-        for r in left:
-            if k not in rows[r]:
-                continue
-            factor = rows[r][k] / rows[k][k]
-            right[r, :] = right[r, :] - factor * right[k, :]
-            for c in left:
-                if c >= r and k in rows[c]:
-                    entry = rows[r].get(c, ca.SX(0)) - factor * rows[c][k]
-                    rows[r][c] = rows[c][r] = entry
+        touched = [r for r in left if k in rows[r]]
+        _eliminate_symmetric(rows, right, k, touched)
+        for r in touched:
             work[:, r] -= (work[:, r, k] / work[:, k, k])[:, None] * work[:, k]
     solution = [ca.SX.zeros(1, right.shape[1])] * n
     done: list[int] = []
@@ -395,6 +389,16 @@ def solve_symmetric(
         solution[k] = rest / rows[k][k]
         done.append(k)
     return solution, tuple(sorted(dropped)), float(score)
+
+
+def _eliminate_symmetric(rows: Rows, right: ca.SX, k: int, touched: Sequence[int]) -> None:
+    """Take row k off the rows that have an entry in its column."""
+    for r in touched:
+        factor = rows[r][k] / rows[k][k]
+        right[r, :] = right[r, :] - factor * right[k, :]
+        for c in touched:
+            if c >= r:
+                rows[r][c] = rows[c][r] = rows[r].get(c, ca.SX(0)) - factor * rows[c][k]
 
 
 def rows_of(matrix: ca.SX) -> Rows:

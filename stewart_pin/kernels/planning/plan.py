@@ -161,13 +161,7 @@ def plan_platform(chain: ClosedChain) -> PlatformPlan:
         are solved without one.
     """
     tree = tree_of(chain)
-    rotors = [joint.name for joint in tree.joints if joint.rotor.any()]
-    if rotors:
-        raise _unsupported(chain, f"joint '{rotors[0]}' has a rotor (armature of the model)")
-    if not tree.platform:
-        raise _unsupported(chain, "the platform is the ground")
-    if tree.couplings:
-        raise _unsupported(chain, f"row '{chain.loop_table.names[tree.couplings[0].index]}' couples joints")
+    _require_free_legs(chain, tree)
     tree = _in_platform_frame(tree)
     loops = list(tree.loops)
     carrier = tree.joints[tree.platform - 1]
@@ -187,6 +181,17 @@ def plan_platform(chain: ClosedChain) -> PlatformPlan:
     for leg in legs:
         _require_planar(chain, leg, twists)
     return PlatformPlan(chain, tree, legs, twists, poses)
+
+
+def _require_free_legs(chain: ClosedChain, tree: Tree) -> None:
+    """Refuse what legs are not solved with: rotors, couplings, a platform that does not move."""
+    rotors = [joint.name for joint in tree.joints if joint.rotor.any()]
+    if rotors:
+        raise _unsupported(chain, f"joint '{rotors[0]}' has a rotor (armature of the model)")
+    if not tree.platform:
+        raise _unsupported(chain, "the platform is the ground")
+    if tree.couplings:
+        raise _unsupported(chain, f"row '{chain.loop_table.names[tree.couplings[0].index]}' couples joints")
 
 
 def platform_twists(chain: ClosedChain, samples: FloatArray) -> FloatArray:

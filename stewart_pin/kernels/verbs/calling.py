@@ -276,19 +276,23 @@ class Caller:
             self._look_again(name, (solved.states, *inputs[1:]), values, codes, places, targets=states)
         if places.conditioning is not None:
             lost_on_the_way(places.conditioning)
-        lost = np.zeros(count, dtype=bool)
-        if self.by_legs and self.coordinates == "motor":
-            # Pivots of legs are what they are: of the whole tree there are others.
-            lost = codes == StateStatus.SINGULAR
-            if self._functions.other_elbows:
-                lost |= ~solved.kept & np.isfinite(states).all(axis=1)
-        if lost.any():
-            rows = np.flatnonzero(lost)
+        rows = self._beyond_legs(states, solved, codes)
+        if len(rows):
             solved = self._by_whole_tree(name, (states, *inputs[1:]), rows, solved, values, codes, places)
         given = self._given(solved, values, places.status, single=single, codes=codes)
         if places.conditioning is None:
             return given
         return _without_last(given)
+
+    def _beyond_legs(self, states: FloatArray, solved: Solved, codes: np.ndarray) -> np.ndarray:
+        """Rows that legs in closed form do not answer from their motors, and the whole tree may."""
+        if not self.by_legs or self.coordinates != "motor":
+            return np.zeros(0, dtype=int)
+        # Pivots of legs are what they are: of the whole tree there are others.
+        lost = codes == StateStatus.SINGULAR
+        if self._functions.other_elbows:
+            lost |= ~solved.kept & np.isfinite(states).all(axis=1)
+        return np.flatnonzero(lost)
 
     def _by_whole_tree(
         self,

@@ -282,6 +282,27 @@ def _follow(
     threads: int,
 ) -> tuple[FloatArray, BoolArray]:
     """Follow paths of targets, in stretches that are shortened where a branch might be lost."""
+    state, arrived = _up_to_targets(plans, start, start_target, target, between, threads)
+    # The target itself, which has to be met in all its entries.
+    met = np.zeros(len(state), dtype=bool)
+    while len(there := np.flatnonzero(arrived & ~met)):
+        state[there], met[there] = _by_any(
+            [steps.double for steps in plans.known()], state[there], target[there], threads
+        )
+        if plans.further is None or met[there].all() or not plans.further(state[there[~met[there]]]):
+            break
+    return state, met
+
+
+def _up_to_targets(
+    plans: Plans,
+    start: FloatArray,
+    start_target: FloatArray,
+    target: FloatArray,
+    between: Between,
+    threads: int,
+) -> tuple[FloatArray, BoolArray]:
+    """Follow paths nearly to their ends, and say which of them came that far."""
     state, share, length = start.copy(), np.zeros(len(start)), np.full(len(start), 0.5)
     begin, done = start_target.copy(), np.zeros(len(start))
     for count in range(1, _STRETCHES + 1):
@@ -307,15 +328,7 @@ def _follow(
         again = forward[share[forward] < 1.0]
         if plans.met is not None and len(again):
             begin[again], done[again] = plans.met(state[again]), share[again]
-    # The target itself, which has to be met in all its entries.
-    arrived = np.zeros(len(state), dtype=bool)
-    while len(there := np.flatnonzero((share >= 1.0) & ~arrived)):
-        state[there], arrived[there] = _by_any(
-            [steps.double for steps in plans.known()], state[there], target[there], threads
-        )
-        if plans.further is None or arrived[there].all() or not plans.further(state[there[~arrived[there]]]):
-            break
-    return state, arrived
+    return state, share >= 1.0
 
 
 def _by_any(
