@@ -14,6 +14,7 @@ from stewart_pin.errors import InputError
 from stewart_pin.model.description import Mechanism, Note, Report
 from stewart_pin.model.formats.dialect import dialects
 from stewart_pin.model.formats.mjcf.writing import write_mjcf_file
+from stewart_pin.model.formats.sdf.writing import write_sdf
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import validate
 from stewart_pin.state.chain import ClosedChain
@@ -67,11 +68,13 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> Re
         - ``"drake"``: URDF with Drake's ball constraints and joints, which Drake opens with its loops. Spherical loops.
         - ``"isaac"``: URDF with Isaac Sim's loop joints. Spherical loops.
         - ``"gepetto"``: URDF, and beside it a YAML of the same name. Spherical and fixed loops.
+        - ``"sdf"``: SDFormat 1.11, for Gazebo; links where they are at home. Spherical, fixed, revolute, prismatic and
+          universal loops, each a second joint with the same child, which Drake refuses; all limits.
         - ``"mjcf"``: for MuJoCo, whose loops are soft constraints: mass matrix and bias of its tree are exact, its
           accelerations are not.
 
         All but the first and the last write couplings as ``<mimic>``, which has to be linear. Limits of joints that
-        close loops stand in the first alone, and limits of balls in the first and, of the angle, in the last.
+        close loops stand in the first and in SDFormat, those of balls there and, of the angle, in the last.
 
     Returns
     -------
@@ -86,7 +89,7 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> Re
         If the format cannot express the chain; names the link, joint, loop or motor at fault.
     """
     as_chain(chain)
-    writers = {"mjcf": _write_mjcf}
+    writers = {"mjcf": _write_mjcf, "sdf": _describing(write_sdf)}
     writers |= {
         dialect.name: _describing(dialect.write) for dialect in dialects() if dialect.write is not None
     }

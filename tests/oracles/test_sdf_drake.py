@@ -9,12 +9,16 @@ import pinocchio as pin
 import pytest
 from lxml import etree
 
-from stewart_pin.model.description import JointKind, Mechanism
+import stewart_pin as stp
+from stewart_pin.building.loading import build_chain
+from stewart_pin.model.description import Joint, JointKind, Link, Mechanism
 from stewart_pin.model.formats.sdf import read_sdf
 from stewart_pin.model.tree import build_tree, link_frame
 from stewart_pin.model.validation import validate
 from tests.building import cassie
+from tests.mechanisms import body, turned
 from tests.small_sdf import TREES, write
+from tests.zoo.table import zoo_chain
 
 pytest.importorskip("pydrake", reason="needs Drake: pip install 'stewart_pin[oracles]'")
 
@@ -187,3 +191,48 @@ def test_the_catalogue_has_every_kind(tmp_path: Path) -> None:
         JointKind.SPHERICAL,
         JointKind.FLOATING,
     }
+
+
+# ----------------------------------------------------------------------------------------------------
+# Files that we write, where they have no loops: Drake refuses those
+# ----------------------------------------------------------------------------------------------------
+
+
+def _written(name: str) -> stp.ClosedChain:
+    if name == "universal and ball":
+        rng = np.random.default_rng(3)
+        links = (
+            Link("ground"),
+            Link("first", body(rng)),
+            Link("cross"),
+            Link("arm", body(rng)),
+            Link("tool"),
+        )
+        joints = (
+            Joint("ball", JointKind.SPHERICAL, "ground", "first", turned(rng)),
+            Joint("u1", JointKind.REVOLUTE, "first", "cross", turned(rng), np.eye(3)[0]),
+            Joint("u2", JointKind.REVOLUTE, "cross", "arm", pin.SE3.Identity(), np.eye(3)[1]),
+            Joint("tool_place", JointKind.FIXED, "arm", "tool", turned(rng)),
+        )
+        home = {"u1": np.array([0.3]), "u2": np.array([-0.4])}
+        return build_chain(Mechanism("bent", links, joints, home=home, platform="tool"))
+    if name == "coupled":
+        return zoo_chain("planetary_gear")
+    return stp.load(name)
+
+
+@pytest.mark.parametrize("name", ["arm_7r", "universal and ball", "coupled"])
+def test_drake_opens_what_we_write(name: str, tmp_path: Path, rng: np.random.Generator) -> None:
+    chain = _written(name)
+    stp.export(chain, tmp_path / "a.sdf", format="sdf")
+    both = Both(tmp_path / "a.sdf")
+    # Drake's zeros are where the file has its links; ours read what they read in the chain.
+    both.compare()
+    assert len(both.bodies()) >= 2
+    for link in both.bodies():
+        ours = both.mechanism.link(link).inertia
+        theirs = both.body(link).CalcSpatialInertiaInBodyFrame(both.context)
+        assert theirs.get_mass() == ours.mass
+        np.testing.assert_allclose(theirs.CopyToFullMatrix6()[:3, :3], ours.matrix()[3:, 3:], atol=1e-14)
+    driven = [both.plant.get_joint_actuator(i).joint().name() for i in both.plant.GetJointActuatorIndices()]
+    assert driven == list(chain.motors)

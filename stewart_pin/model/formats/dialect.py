@@ -106,7 +106,7 @@ class Dialect:
 
 @cache
 def dialects() -> tuple[Dialect, ...]:
-    """Find all dialects: every module in the folder ``dialects`` that holds a ``DIALECT``.
+    """Find all dialects: every module in the folder ``dialects`` that holds a ``DIALECT``, or several ``DIALECTS``.
 
     Returns
     -------
@@ -116,7 +116,8 @@ def dialects() -> tuple[Dialect, ...]:
     folder = importlib.import_module("stewart_pin.model.formats.dialects")
     modules = sorted(module.name for module in pkgutil.iter_modules(folder.__path__))
     found = (importlib.import_module(f"{folder.__name__}.{name}") for name in modules)
-    return tuple(module.DIALECT for module in found if hasattr(module, "DIALECT"))
+    held = (getattr(module, "DIALECTS", (getattr(module, "DIALECT", None),)) for module in found)
+    return tuple(dialect for several in held for dialect in several if dialect is not None)
 
 
 @cache

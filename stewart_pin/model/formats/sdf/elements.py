@@ -95,6 +95,49 @@ _ROUND_OFF = 1e-15
 """Component of a unit vector below which it counts as zero."""
 
 
+# ----------------------------------------------------------------------------------------------------
+# Words of our own, for what SDFormat has none: attributes and elements of a namespace, which other readers pass over
+#
+# link body="false"                it is no body, whatever its <inertial> says
+# link joint, frame joint          name of the joint by which it floats, or is fixed
+# joint name, mimic name           name of joint and coupling, where the file has to use another one
+# joint axis                       axis from which the swing of a ball is counted
+# joint part1, part2, between        names of the two hinges and of the cross that stand for a universal joint
+# joint independent                whether a motor drives it; on one joint: none that does not say so is a motor
+# joint position, link position    what the joint reads at rest: a coordinate, a quaternion of a ball, the pose of a
+#                                  floating link; of a joint that closes a loop, frame 2 in frame 1 [m, quaternion]
+# limit velocity, effort, ...      least and greatest value, where they are not opposite; also jerk
+# <limit coordinate>               the same, and position, of a coordinate for which SDFormat has no <limit>
+# model platform                   name of the platform link
+# visual name, material name       names, where SDFormat wants others
+# ----------------------------------------------------------------------------------------------------
+
+OWN_PREFIX, OWN = "stewart_pin", "urn:stewart_pin"
+"""Prefix and name of the namespace."""
+OWN_LIMIT = f"{OWN_PREFIX}:limit"
+SPANS = ("velocity", "acceleration", "effort", "jerk")
+"""Limits that have a word of our own."""
+
+
+def own(*keys: str) -> tuple[str, ...]:
+    """Spell attributes of our own namespace.
+
+    Parameters
+    ----------
+    *keys
+        Their names.
+
+    Returns
+    -------
+    tuple of str
+        As lxml has them.
+    """
+    return tuple(f"{{{OWN}}}{key}" for key in keys)
+
+
+# ----------------------------------------------------------------------------------------------------
+
+
 class SdfReader(ElementReader):
     """Reads elements of one SDFormat file.
 
@@ -352,6 +395,83 @@ class SdfReader(ElementReader):
                 owner,
             )
         return value
+
+    def own(self, element: etree._Element, key: str) -> str | None:
+        """Read an attribute of our own namespace.
+
+        Parameters
+        ----------
+        element
+            Where to look.
+        key
+            Its name.
+
+        Returns
+        -------
+        str or None
+            Its text; None where it is absent.
+        """
+        return element.get(own(key)[0])
+
+    def own_numbers(self, element: etree._Element, key: str, owner: str) -> FloatArray | None:
+        """Read the numbers of an attribute of our own namespace.
+
+        Parameters
+        ----------
+        element
+            Where to look.
+        key
+            Its name.
+        owner
+            Named in the message.
+
+        Returns
+        -------
+        numpy.ndarray or None
+            (n,) the numbers [m, rad, quaternion], n > 0; None where it is absent.
+        """
+        text = self.own(element, key)
+        where = f"{owner}: {OWN_PREFIX}:{key} (line {element.sourceline})"
+        return None if text is None else self.parse(text, None, where, owner)
+
+    def own_spans(
+        self, element: etree._Element, owner: str, keys: Collection[str] = SPANS
+    ) -> dict[str, tuple[float, float]]:
+        """Read least and greatest values from attributes of our own namespace.
+
+        Parameters
+        ----------
+        element
+            A limit.
+        owner
+            Named in the message.
+        keys
+            Names of the attributes.
+
+        Returns
+        -------
+        dict
+            By name, for those that are there [m, rad, N, N m and their rates]; infinite where nothing is stated.
+        """
+        found: dict[str, tuple[float, float]] = {}
+        for key in keys:
+            words = (self.own(element, key) or "").split()
+            if not words:
+                continue
+            where = f"{owner}: {OWN_PREFIX}:{key} (line {element.sourceline})"
+            if len(words) != 2:
+                raise self.error(
+                    f"{where} must hold a least and a greatest value, got {' '.join(words)!r}", owner
+                )
+            least, most = (self._end(word, where, owner) for word in words)
+            found[key] = (least, most)
+        return found
+
+    def _end(self, word: str, where: str, owner: str) -> float:
+        endless = _INFINITY.fullmatch(word)
+        if endless:
+            return -np.inf if endless[1] == "-" else np.inf
+        return float(self.parse(word, 1, where, owner)[0])
 
     def pose(self, element: etree._Element, owner: str) -> tuple[pin.SE3, str]:
         """Read the ``<pose>`` of an element.

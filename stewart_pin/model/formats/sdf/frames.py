@@ -13,15 +13,86 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
 import pinocchio as pin
 from lxml import etree
 
+from stewart_pin.model.description import JointKind
 from stewart_pin.model.formats.sdf.elements import SdfReader
+from stewart_pin.typing import FloatArray
 
 MODEL = "__model__"
 WORLD = "world"
 _LISTED = 30
 """How many names an error lists."""
+
+
+def motion(kind: JointKind, axis: FloatArray, values: FloatArray) -> pin.SE3:
+    """Place the child link of a joint in the joint's frame.
+
+    Parameters
+    ----------
+    kind
+        A kind of joints in a tree.
+    axis
+        (3,) unit vector in the joint frame, dimensionless; of a joint of one freedom.
+    values
+        Where the joint stands [m, rad, quaternion]; not asked of a fixed joint.
+
+    Returns
+    -------
+    pinocchio.SE3
+        The placement.
+    """
+    match kind:
+        case JointKind.REVOLUTE:
+            return pin.SE3(pin.exp3(axis * values[0]), np.zeros(3))
+        case JointKind.PRISMATIC:
+            return pin.SE3(np.eye(3), axis * values[0])
+        case JointKind.SPHERICAL:
+            return pin.SE3(pin.Quaternion(values).matrix(), np.zeros(3))
+        case JointKind.FLOATING:
+            return pin.XYZQUATToSE3(values)
+        case _:
+            return pin.SE3.Identity()
+
+
+def coordinates_between(
+    kind: JointKind, axis: FloatArray, axis2: FloatArray, placement: pin.SE3
+) -> tuple[float, ...]:
+    """Read the coordinates of a joint that closes a loop off its frames, as far as SDFormat has limits of them.
+
+    Parameters
+    ----------
+    kind
+        Kind of the loop.
+    axis, axis2
+        (3,) unit vectors, as of a `Loop`, dimensionless.
+    placement
+        Frame 2 in frame 1.
+
+    Returns
+    -------
+    tuple of float
+        As many as the joint has axes in SDFormat [m or rad].
+    """
+    turn = placement.rotation
+    match kind:
+        case JointKind.PRISMATIC:
+            return (float(axis @ placement.translation),)
+        case JointKind.REVOLUTE:
+            quaternion = pin.Quaternion(turn)
+            return (float(2 * np.arctan2(axis @ quaternion.vec(), quaternion.w)),)
+        case JointKind.UNIVERSAL:
+            # R = exp(a α) exp(b β): α from b to R b about a, β from Rᵀ a to a about b.
+            return _angle(axis, axis2, turn @ axis2), _angle(axis2, turn.T @ axis, axis)
+        case _:
+            return ()
+
+
+def _angle(axis: FloatArray, before: FloatArray, after: FloatArray) -> float:
+    along = before @ after - (axis @ before) * (axis @ after)
+    return float(np.arctan2(axis @ np.cross(before, after), along))
 
 
 @dataclass(eq=False)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
@@ -10,9 +11,10 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import JointKind, Outcome
-from stewart_pin.model.formats.sdf.elements import direction
-from stewart_pin.model.formats.sdf.frames import MODEL, WORLD, Scope
+from stewart_pin.model.description import Bounds, JointKind, Outcome, Span, loop_coordinates
+from stewart_pin.model.formats.sdf.elements import OWN_LIMIT, SPANS, direction, own
+from stewart_pin.model.formats.sdf.frames import MODEL, WORLD, Scope, coordinates_between, motion
+from stewart_pin.tolerances import NO_DIRECTION
 from stewart_pin.typing import FloatArray
 
 # ----------------------------------------------------------------------------------------------------
@@ -30,6 +32,8 @@ class Follow:
         Full name of the joint, and which axis of it.
     multiplier, offset, reference
         The law, in the units of both axes [m or rad].
+    name
+        Name of the coupling, perhaps empty.
     """
 
     leader: str
@@ -37,6 +41,7 @@ class Follow:
     multiplier: float
     offset: float
     reference: float
+    name: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +62,8 @@ class Axis:
         Largest acceleration, Drake's extension [m/s² or rad/s²].
     follow
         The axis that it follows, or None.
+    spans
+        Limits that are not opposite, and of the jerk, as (least, greatest); they come before the numbers above.
     """
 
     direction: FloatArray
@@ -66,6 +73,7 @@ class Axis:
     velocity: float = inf
     acceleration: float = inf
     follow: Follow | None = None
+    spans: Mapping[str, Span] = field(default_factory=dict)
 
 
 def read_axis(
@@ -105,6 +113,7 @@ def read_axis(
         limit,
         owner,
         {"lower", "upper", "effort", "velocity", "stiffness", "dissipation", "drake:acceleration"},
+        own(*SPANS),
     )
     lower, upper, effort, velocity, acceleration = (
         reader.bound(limit, key, owner)
@@ -123,6 +132,7 @@ def read_axis(
         velocity=inf if velocity is None or velocity < 0 else velocity,
         acceleration=inf if acceleration is None or acceleration < 0 else acceleration,
         follow=follow,
+        spans=reader.own_spans(limit, owner),
     )
 
 
@@ -179,7 +189,7 @@ def _follow(scope: Scope, joint: etree._Element, axis: etree._Element, tag: str,
         return Follow(leader, "axis", multiplier, offset, 0.0)
     if mimic is None:
         return None
-    reader.only(mimic, owner, ("joint", "axis"), ("multiplier", "offset", "reference"))
+    reader.only(mimic, owner, ("joint", "axis", *own("name")), ("multiplier", "offset", "reference"))
     which = mimic.get("axis", "axis")
     if which not in ("axis", "axis2"):
         raise reader.error(
@@ -191,6 +201,7 @@ def _follow(scope: Scope, joint: etree._Element, axis: etree._Element, tag: str,
         multiplier=reader.number(mimic, "multiplier", owner, "1"),
         offset=reader.number(mimic, "offset", owner, "0"),
         reference=reader.number(mimic, "reference", owner, "0"),
+        name=reader.own(mimic, "name") or "",
     )
 
 
@@ -215,9 +226,20 @@ _AXES = {
 }
 _IN_JOINT = {
     "parent", "child", "pose", "axis", "axis2", "physics", "thread_pitch", "screw_thread_pitch", "gearbox_ratio",
-    "gearbox_reference_body", "drake:mimic",
+    "gearbox_reference_body", "drake:mimic", OWN_LIMIT,
 }  # fmt: skip
 GEARBOX = "gearbox"
+_OWN = ("name", "independent", "position", "axis", "part1", "part2", "between")
+_POSE = 7
+"""Numbers of a placement: a point and a quaternion."""
+_READINGS = {
+    JointKind.REVOLUTE: 1,
+    JointKind.PRISMATIC: 1,
+    JointKind.CYLINDRICAL: 1,
+    JointKind.UNIVERSAL: 2,
+    JointKind.SPHERICAL: 4,
+}
+"""How many numbers a joint of the tree reads; a screw only its turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,6 +262,16 @@ class SdfJoint:
         Travel of a screw per turn [m], positive for a right-hand thread.
     must_close
         Whether the file asks that it closes a loop.
+    own_names
+        Names that it and what stands for it had before SDFormat wanted others, by those of the file.
+    is_driven
+        Whether a motor drives it, where the file says so in our own word.
+    position
+        What it reads at rest, where that is not zero [m, rad, quaternion].
+    own_bounds
+        Limits that SDFormat has no word for, by coordinate.
+    ball_axis
+        (3,) axis from which the swing of a ball is counted, in the joint frame, dimensionless; None: z.
     """
 
     name: str
@@ -252,6 +284,40 @@ class SdfJoint:
     axes: tuple[Axis, ...] = ()
     lead: float = 0.0
     must_close: bool = False
+    own_names: Mapping[str, str] = field(default_factory=dict)
+    is_driven: bool | None = None
+    position: FloatArray | None = None
+    own_bounds: Mapping[str, Bounds] = field(default_factory=dict)
+    ball_axis: FloatArray | None = None
+
+    @property
+    def rest(self) -> pin.SE3:
+        """Frame of the child in that of the parent, at rest, both turned to where the joint reads zero."""
+        axes = [axis.direction for axis in self.axes]
+        if self.position is None:
+            return pin.SE3.Identity()
+        if len(self.position) == _POSE:
+            return pin.XYZQUATToSE3(self.position)
+        if self.kind is JointKind.UNIVERSAL:
+            second = motion(JointKind.REVOLUTE, axes[1], self.position[1:])
+            return motion(JointKind.REVOLUTE, second.rotation @ axes[0], self.position[:1]) * second
+        if self.lead:
+            along = self.position * self.lead / (2 * np.pi)
+            return motion(JointKind.REVOLUTE, axes[0], self.position) * motion(
+                JointKind.PRISMATIC, axes[0], along
+            )
+        return motion(self.kind, axes[0] if axes else np.zeros(3), self.position)
+
+    @property
+    def readings(self) -> FloatArray:
+        """(n,) what the joint reads at rest: one per axis, or the quaternion of a ball [m, rad]."""
+        if self.kind is JointKind.SPHERICAL:
+            return np.array([0.0, 0.0, 0.0, 1.0]) if self.position is None else self.position[-4:]
+        if self.position is None or len(self.position) != _POSE:
+            return np.zeros(len(self.axes)) if self.position is None else self.position
+        first = self.rest.rotation @ self.axes[0].direction if self.axes else np.zeros(3)
+        last = self.axes[-1].direction if self.axes else first
+        return np.array(coordinates_between(self.kind, first, last, self.rest))
 
 
 def read_joint(scope: Scope, element: etree._Element) -> SdfJoint:
@@ -285,7 +351,7 @@ def read_joint(scope: Scope, element: etree._Element) -> SdfJoint:
         )
     kind = _KINDS[written]
     tags = _AXES.get(kind, ())
-    reader.note_strangers(element, owner, _IN_JOINT, ("name", "type"))
+    reader.note_strangers(element, owner, _IN_JOINT, ("name", "type", *own(*_OWN)))
     for tag in ("axis", "axis2"):
         if tag not in tags and reader.children(element, tag):
             reader.note(owner, f"<{tag}>: a joint of type '{written}' has none")
@@ -304,7 +370,65 @@ def read_joint(scope: Scope, element: etree._Element) -> SdfJoint:
         ),
         lead=_lead(scope, element, owner) if written == "screw" else 0.0,
         must_close=_must_close(scope, element, owner),
+        own_names=_own_names(scope, element, name),
+        is_driven=None
+        if reader.own(element, "independent") is None
+        else reader.flag(element, own("independent")[0], owner, attribute=True),
+        position=_position(scope, element, kind, owner),
+        own_bounds=_own_bounds(scope, element, kind, owner),
+        ball_axis=_ball_axis(scope, element, owner),
     )
+
+
+def _ball_axis(scope: Scope, element: etree._Element, owner: str) -> FloatArray | None:
+    values = scope.reader.own_numbers(element, "axis", owner)
+    if values is None:
+        return None
+    if len(values) != 3:
+        raise scope.reader.error(f"{owner}: stewart_pin:axis must hold three numbers", owner)
+    return direction(scope.reader, values, owner)
+
+
+def _own_names(scope: Scope, element: etree._Element, name: str) -> dict[str, str]:
+    keys = {"name": name, "part1": f"{name}_1", "part2": f"{name}_2", "between": f"{name}_between_1"}
+    told = {made: scope.reader.own(element, key) for key, made in keys.items()}
+    return {made: own_name for made, own_name in told.items() if own_name}
+
+
+def _position(scope: Scope, element: etree._Element, kind: JointKind, owner: str) -> FloatArray | None:
+    """Read what the joint reads at rest; a placement where it closes a loop."""
+    values = scope.reader.own_numbers(element, "position", owner)
+    if values is None:
+        return None
+    if len(values) not in (_READINGS.get(kind, _POSE), _POSE):
+        raise scope.reader.error(
+            f"{owner}: stewart_pin:position (line {element.sourceline}) of a joint of type '{kind}' may not hold "
+            f"{len(values)} numbers",
+            owner,
+        )
+    if len(values) >= 4:
+        size = float(np.linalg.norm(values[-4:]))
+        if size < NO_DIRECTION:
+            raise scope.reader.error(f"{owner}: stewart_pin:position has a quaternion of length zero", owner)
+        values[-4:] /= size
+    return values
+
+
+def _own_bounds(scope: Scope, element: etree._Element, kind: JointKind, owner: str) -> dict[str, Bounds]:
+    reader = scope.reader
+    found: dict[str, Bounds] = {}
+    for limit in reader.children(element, OWN_LIMIT):
+        keys = ("position", *SPANS)
+        reader.only(limit, owner, ("coordinate", *own(*keys)))
+        coordinate = limit.get("coordinate", "")
+        if coordinate not in loop_coordinates(kind) or coordinate in found:
+            raise reader.error(
+                f"{owner}: <{OWN_LIMIT} coordinate='{coordinate}'> (line {limit.sourceline}): a joint of kind '{kind}' "
+                f"has {', '.join(loop_coordinates(kind)) or 'none'}, each once",
+                owner,
+            )
+        found[coordinate] = Bounds(**reader.own_spans(limit, owner, keys))
+    return found
 
 
 def ends(scope: Scope, element: etree._Element, owner: str) -> tuple[str, str]:

@@ -12,6 +12,7 @@ References
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,14 +22,15 @@ from lxml import etree
 from stewart_pin.errors import FileFormatError, UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Outcome
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
-from stewart_pin.model.formats.sdf.elements import SdfReader
+from stewart_pin.model.formats.sdf.elements import SdfReader, own
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope
 from stewart_pin.model.formats.sdf.joints import Axis, SdfJoint, ends, link_pose, read_joint
 from stewart_pin.model.formats.sdf.models import open_document
-from stewart_pin.model.formats.sdf.tree import grow_tree, is_gearbox, read_gearbox, read_mimics
+from stewart_pin.model.formats.sdf.tree import Float, grow_tree, is_gearbox, read_gearbox, read_mimics
 from stewart_pin.model.formats.xml import shown_tag
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, fault_of_sizes
 from stewart_pin.model.validation import keep_odd_inertias
+from stewart_pin.tolerances import NO_DIRECTION
 
 _ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 _PLATFORM = "platform"
@@ -69,12 +71,15 @@ def read_sdf(path: Path) -> Mechanism:
     links: list[Link] = []
     poses: dict[str, pin.SE3] = {}
     floating: set[str] = set()
+    floats: dict[str, Float] = {}
     weightless: list[str] = []
     for scope in scopes:
         for element in scope.reader.children(scope.element, "link"):
             link = _link(scope, element, weightless, floating)
             links.append(link)
             poses[link.name] = link_pose(scope, link.name)
+            told = _float(scope, element, link.name, poses[link.name])
+            floats |= {} if told is None else {link.name: told}
     if not links:
         raise model.reader.error(f"{model.owner} has no <link>", model.owner)
     gravity = document.gravity
@@ -103,6 +108,7 @@ def read_sdf(path: Path) -> Mechanism:
         needed=_used(couplings, joints),
         motors=motors,
         source=str(path),
+        floats=floats,
     )
     constraints = [loop for scope in scopes for loop in _ball_constraints(scope)]
     frames, mounts = _frames(scopes, poses)
@@ -113,14 +119,72 @@ def read_sdf(path: Path) -> Mechanism:
         joints=(*tree.joints, *mounts),
         loops=(*tree.loops, *constraints),
         couplings=(*couplings, *tree.couplings),
-        platform=_PLATFORM if any(link.name == _PLATFORM for link in everywhere) else None,
+        platform=_platform(model, everywhere),
         home=tree.home,
         source=str(path),
         notes=(*notes, *tree.notes),
         gravity=gravity,
-        assembled=not constraints and _agree(joints, couplings),
+        assembled=not constraints and _agree(joints),
     )
-    return keep_odd_inertias(mechanism)
+    return keep_odd_inertias(_with_own_names(mechanism, joints))
+
+
+def _platform(model: Scope, links: list[Link]) -> str | None:
+    told = model.reader.own(model.element, "platform")
+    names = [link.name for link in links]
+    if told is not None and told not in names:
+        raise model.reader.error(
+            f"{model.owner} names the platform '{told}', which is missing; the links are: {', '.join(names)}",
+            told,
+        )
+    return told or (_PLATFORM if _PLATFORM in names else None)
+
+
+def _float(scope: Scope, element: etree._Element, link: str, pose: pin.SE3) -> Float | None:
+    """Read the name of the joint by which a link floats, and where its frame stands in the world."""
+    reader, owner = scope.reader, f"link '{link}'"
+    values = reader.own_numbers(element, "position", owner)
+    if values is None and reader.own(element, "joint") is None:
+        return None
+    name = reader.own(element, "joint") or f"{link}_floating"
+    if values is None:
+        return Float(name)
+    if len(values) != 7 or np.linalg.norm(values[3:]) < NO_DIRECTION:
+        raise reader.error(f"{owner}: stewart_pin:position must hold a point and a quaternion", owner)
+    values[3:] /= np.linalg.norm(values[3:])
+    return Float(name, pose * pin.XYZQUATToSE3(values).inverse())
+
+
+def _with_own_names(mechanism: Mechanism, joints: list[SdfJoint]) -> Mechanism:
+    """Give joints and loops the names that SDFormat did not allow."""
+    names = {made: name for joint in joints for made, name in joint.own_names.items()}
+    if not names:
+        return mechanism
+    links = {made: name for made, name in names.items() if made.endswith("_between_1")}
+    called = {**{joint.name: joint.name for joint in mechanism.joints}, **names}
+    return replace(
+        mechanism,
+        links=tuple(replace(link, name=links.get(link.name, link.name)) for link in mechanism.links),
+        joints=tuple(
+            replace(
+                joint,
+                name=called[joint.name],
+                parent=links.get(joint.parent, joint.parent),
+                child=links.get(joint.child, joint.child),
+            )
+            for joint in mechanism.joints
+        ),
+        loops=tuple(replace(loop, name=names.get(loop.name, loop.name)) for loop in mechanism.loops),
+        couplings=tuple(
+            replace(
+                coupling,
+                joint1=called[coupling.joint1],
+                joint2=coupling.joint2 and called[coupling.joint2],
+            )
+            for coupling in mechanism.couplings
+        ),
+        home={called[name]: value for name, value in mechanism.home.items()},
+    )
 
 
 def _own_links(scope: Scope) -> list[str]:
@@ -135,7 +199,7 @@ def _link(scope: Scope, element: etree._Element, weightless: list[str], floating
         element,
         owner,
         {"pose", "inertial", "gravity", "kinematic", "must_be_base_link", *SHAPE_TAGS},
-        ("name",),
+        ("name", *own("body", "joint", "position")),
     )
     if reader.flag(element, "kinematic", owner):
         raise UnsupportedError(
@@ -148,7 +212,8 @@ def _link(scope: Scope, element: etree._Element, weightless: list[str], floating
         floating.add(name)
     itself = ("__link__", reader.name(element))
     visuals, collisions = (read_shapes(reader, element, tag, owner, itself) for tag in SHAPE_TAGS)
-    return Link(name, _inertia(reader, element, owner), visuals, collisions)
+    is_body = reader.flag(element, own("body")[0], owner, default=True, attribute=True)
+    return Link(name, _inertia(reader, element, owner) if is_body else None, visuals, collisions)
 
 
 def _inertia(reader: SdfReader, element: etree._Element, owner: str) -> pin.Inertia:
@@ -254,6 +319,8 @@ def _ball_constraints(scope: Scope) -> list[Loop]:
 
 def _driven(model: Scope, joints: list[SdfJoint]) -> list[str]:
     """Find the motors where the file tells: every axis states its effort, and that of some joints is zero."""
+    if any(joint.is_driven is not None for joint in joints):
+        return [joint.name for joint in joints if joint.is_driven]
     movable = [joint for joint in joints if joint.kind in (JointKind.REVOLUTE, JointKind.PRISMATIC)]
     efforts = [joint.axes[0].effort for joint in movable]
     if None in efforts or 0.0 not in efforts or not any(efforts):
@@ -264,9 +331,10 @@ def _driven(model: Scope, joints: list[SdfJoint]) -> list[str]:
     return driven
 
 
-def _agree(joints: list[SdfJoint], couplings: list[Coupling]) -> bool:
-    """Tell whether the links of the file stand as they do while all joints are at zero."""
-    shifted = any(coupling.polynomial[0] for coupling in couplings)
+def _agree(joints: list[SdfJoint]) -> bool:
+    """Tell whether the links of the file stand as its couplings and planar joints want them."""
+    rules = [axis.follow for joint in joints for axis in joint.axes if axis.follow is not None]
+    shifted = any(rule.offset - rule.multiplier * rule.reference for rule in rules)
     return not shifted and all(joint.kind is not JointKind.PLANAR for joint in joints)
 
 
@@ -285,11 +353,12 @@ def _frames(scopes: list[Scope], poses: dict[str, pin.SE3]) -> tuple[list[Link],
             written = scope.reader.name(element)
             name = scope.prefix + written
             owner = f"frame '{name}'"
-            scope.reader.note_strangers(element, owner, {"pose"}, ("name", "attached_to"))
+            scope.reader.note_strangers(element, owner, {"pose"}, ("name", "attached_to", *own("joint")))
             carrier = scope.body(written, owner)
             placement = poses.get(carrier, pin.SE3.Identity()).inverse() * scope.pose(written, owner)
             links.append(Link(name))
-            mounts.append(Joint(f"{name}_frame", JointKind.FIXED, carrier, name, placement))
+            mount = scope.reader.own(element, "joint") or f"{name}_frame"
+            mounts.append(Joint(mount, JointKind.FIXED, carrier, name, placement))
     return links, mounts
 
 
@@ -358,7 +427,8 @@ def _shape(reader: SdfReader, element: etree._Element, owner: str, frames: tuple
     fault = fault_of_sizes(kind, sizes)
     if fault:
         raise reader.error(fault, owner)
-    name, mesh = element.get("name", ""), ""
+    told_name = reader.own(element, "name")
+    name, mesh = element.get("name", "") if told_name is None else told_name, ""
     if kind is ShapeKind.MESH:
         if reader.children(told, "submesh"):
             raise reader.error("it shows a part of a mesh only, a <submesh>", owner)
@@ -390,6 +460,6 @@ def _material(reader: SdfReader, element: etree._Element, owner: str) -> Materia
             if len(values) not in (3, 4):
                 raise reader.error(f"<{tag}> must hold 3 or 4 numbers, got {len(values)}", owner)
             red, green, blue, opacity = (*values, 1.0)[:4]
-            return Material(rgba=(red, green, blue, opacity))
+            return Material(reader.own(material, "name") or "", (red, green, blue, opacity))
     reader.note(owner, "<material>: only <diffuse> and <ambient> are read")
     return None

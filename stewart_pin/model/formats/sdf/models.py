@@ -10,7 +10,7 @@ from lxml import etree
 
 from stewart_pin.errors import FileFormatError, StewartPinError, UnsupportedError
 from stewart_pin.model.description import Note
-from stewart_pin.model.formats.sdf.elements import SdfReader
+from stewart_pin.model.formats.sdf.elements import SdfReader, own
 from stewart_pin.model.formats.sdf.frames import Scope, check_names
 from stewart_pin.model.formats.xml import ElementReader, read_xml, shown_tag
 
@@ -313,7 +313,10 @@ class _Opener:
         frame = element.get("placement_frame", "")
         scope = Scope(reader, element, prefix, version, parent, placement_frame=frame, static=static)
         reader.note_strangers(
-            element, owner, _IN_MODEL, ("name", "canonical_link", "placement_frame", "namespace")
+            element,
+            owner,
+            _IN_MODEL,
+            ("name", "canonical_link", "placement_frame", "namespace", *own("platform")),
         )
         _enter_frames(scope)
         for child in element.iterchildren(etree.Element):

@@ -15,8 +15,19 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import FileFormatError, MechanismError
-from stewart_pin.model.description import Bounds, Coupling, Joint, JointKind, Link, Loop, Note, Outcome
-from stewart_pin.model.formats.sdf.frames import WORLD, Scope
+from stewart_pin.model.description import (
+    Bounds,
+    Coupling,
+    Joint,
+    JointKind,
+    Link,
+    Loop,
+    Note,
+    Outcome,
+    Span,
+    loop_coordinates,
+)
+from stewart_pin.model.formats.sdf.frames import WORLD, Scope, motion
 from stewart_pin.model.formats.sdf.joints import (
     GEARBOX,
     Axis,
@@ -39,6 +50,22 @@ _SAME_PLACE = 1e-14
 """Distance, in sizes of the robot, and entry of a rotation below which two frames are one."""
 _PERPENDICULAR = 1e-9
 """Cosine of the angle between the axes of a universal joint that closes a loop."""
+
+
+@dataclass(frozen=True, eq=False)
+class Float:
+    """The joint by which a link floats.
+
+    Attributes
+    ----------
+    joint
+        Its name.
+    placement
+        Its frame in the world.
+    """
+
+    joint: str
+    placement: pin.SE3 = field(default_factory=pin.SE3.Identity)
 
 
 @dataclass(eq=False)
@@ -74,6 +101,7 @@ def grow_tree(
     needed: Collection[str],
     motors: Collection[str],
     source: str,
+    floats: Mapping[str, Float] | None = None,
 ) -> SdfTree:
     """Hang every link on one joint, and close loops by the others.
 
@@ -93,6 +121,8 @@ def grow_tree(
         Joints that a motor drives.
     source
         The file, for messages.
+    floats
+        What the file says of the joints by which links float.
 
     Returns
     -------
@@ -108,10 +138,10 @@ def grow_tree(
     size = max((float(np.linalg.norm(pose.translation)) for pose in poses.values()), default=1.0)
     marked = [joint for joint in joints if joint.must_close]
     hanging = [joint for joint in joints if not joint.must_close]
-    grounded = _ground(hanging, poses, fixed, based)
+    grounded = _ground(hanging, poses, fixed, based, floats or {})
     tree.joints += grounded
     tree.home = {
-        joint.name: np.array(pin.SE3ToXYZQUAT(poses[joint.child]))
+        joint.name: np.array(pin.SE3ToXYZQUAT(joint.placement.actInv(poses[joint.child])))
         for joint in grounded
         if joint.kind is JointKind.FLOATING
     }
@@ -140,9 +170,9 @@ def _ground(
     poses: Mapping[str, pin.SE3],
     fixed: Collection[str],
     based: Collection[str],
+    told: Mapping[str, Float],
 ) -> list[Joint]:
     """Join links to the world: fixed, or floating where nothing else leads to them."""
-    one = pin.SE3.Identity()
     below: dict[str, list[str]] = {}
     for joint in joints:
         below.setdefault(joint.parent, []).append(joint.child)
@@ -170,7 +200,8 @@ def _ground(
     ):
         for link in floats:
             if link not in reached or (link in based and link not in fixed):
-                held.append(Joint(f"{link}_floating", JointKind.FLOATING, WORLD, link, one))
+                float_ = told.get(link, Float(f"{link}_floating"))
+                held.append(Joint(float_.joint, JointKind.FLOATING, WORLD, link, float_.placement))
                 reach(link)
         based = ()
     return held
@@ -226,15 +257,20 @@ def _close(joint: SdfJoint, source: str) -> Loop:
             path=source,
             culprit=joint.name,
         )
-    loop = Loop(joint.name, joint.kind, joint.parent, joint.child, joint.in_parent, joint.in_child)
+    in_parent = joint.in_parent if joint.position is None else joint.in_parent * joint.rest.inverse()
+    loop = Loop(joint.name, joint.kind, joint.parent, joint.child, in_parent, joint.in_child)
+    readings = joint.readings
     match joint.axes:
         case [only]:
-            return replace(loop, axis=only.direction, bounds=_bounds(only))
+            return replace(loop, axis=only.direction, bounds=_bounds(only, readings[0]))
         case [first, second]:
-            return replace(
-                loop, axis=first.direction, axis2=second.direction, bounds=_bounds(first) + _bounds(second)
-            )
-    return loop
+            bounds = _bounds(first, readings[0]) + _bounds(second, readings[1])
+            axis = joint.rest.rotation @ first.direction
+            return replace(loop, axis=axis, axis2=second.direction, bounds=bounds)
+    if joint.own_bounds:
+        coordinates = loop_coordinates(joint.kind)
+        loop = replace(loop, bounds=tuple(joint.own_bounds.get(key, Bounds()) for key in coordinates))
+    return loop if joint.ball_axis is None else replace(loop, axis=joint.ball_axis)
 
 
 def _hang(tree: SdfTree, joint: SdfJoint, near: float, is_motor: bool) -> None:
@@ -260,17 +296,30 @@ def _hang(tree: SdfTree, joint: SdfJoint, near: float, is_motor: bool) -> None:
         tree.links.append(Link(child))
         fixed = Joint(f"{child}_fixed", JointKind.FIXED, child, joint.child, in_child.inverse())
         tree.joints.append(fixed)
+    if joint.position is not None:
+        alone = len(axes) == 1 and not joint.lead
+        rest = motion(joint.kind, axes[0], joint.readings) if alone else joint.rest
+        placement = placement * rest.inverse()
+    readings = joint.readings
     if len(axes) <= 1 and not joint.lead and joint.kind is not JointKind.PLANAR:
         made = Joint(joint.name, joint.kind, joint.parent, child, placement, independent=is_motor)
+        if joint.position is not None and len(readings):
+            tree.home[joint.name] = readings
         if axes:
-            made = _limited(replace(made, axis=axes[0]), joint.axes[0])
-        tree.joints.append(made)
+            made = _limited(replace(made, axis=axes[0]), joint.axes[0], readings[0])
+        tree.joints.append(_ball(made, joint) if joint.kind is JointKind.SPHERICAL else made)
         return
+    if joint.kind is JointKind.UNIVERSAL:
+        axes = [joint.rest.rotation @ axes[0], axes[1]]
     row = _row(joint, child, placement, axes)
     parts = list(row.joints)
     for number, axis in enumerate(joint.axes):
         if joint.kind is not JointKind.PLANAR:
-            parts[number] = replace(_limited(parts[number], axis), independent=is_motor)
+            parts[number] = replace(_limited(parts[number], axis, readings[number]), independent=is_motor)
+            if joint.position is not None:
+                tree.home[parts[number].name] = readings[number : number + 1]
+    if joint.lead and joint.position is not None:
+        tree.home[parts[1].name] = readings * joint.lead / (2 * np.pi)
     tree.links += row.links
     tree.joints += parts
     tree.couplings += row.couplings
@@ -285,27 +334,38 @@ def _row(joint: SdfJoint, child: str, placement: pin.SE3, axes: list[FloatArray]
     return unfold_universal(joint.name, joint.parent, child, placement, axes[0], axes[1])
 
 
-def _bounds(axis: Axis) -> tuple[Bounds]:
-    """Gather the limits of a joint that closes a loop: its coordinate is zero where the model is placed."""
-    return (
-        Bounds(
-            position=(axis.lower, axis.upper),
-            velocity=(-axis.velocity, axis.velocity),
-            acceleration=(-axis.acceleration, axis.acceleration),
-        ),
-    )
+def _bounds(axis: Axis, reading: float) -> tuple[Bounds]:
+    """Gather the limits of a joint that closes a loop; those of the file are counted from where the model is placed."""
+    spans: dict[str, Span] = {
+        "velocity": (-axis.velocity, axis.velocity),
+        "acceleration": (-axis.acceleration, axis.acceleration),
+        **axis.spans,
+    }
+    spans.pop("effort", None)  # no motor drives it
+    return (Bounds(position=(axis.lower + reading, axis.upper + reading), **spans),)
 
 
-def _limited(joint: Joint, axis: Axis) -> Joint:
+def _limited(joint: Joint, axis: Axis, reading: float) -> Joint:
     effort = np.inf if axis.effort is None else axis.effort
-    return replace(
-        joint,
-        lower=axis.lower,
-        upper=axis.upper,
-        effort=effort,
-        velocity=axis.velocity,
-        acceleration=axis.acceleration,
-    )
+    values: dict[str, float | Span] = {
+        "effort": effort,
+        "velocity": axis.velocity,
+        "acceleration": axis.acceleration,
+        **axis.spans,
+    }
+    even = {key: _even(value) for key, value in values.items()}
+    return replace(joint, lower=axis.lower + reading, upper=axis.upper + reading, **even)
+
+
+def _even(value: float | Span) -> float | Span:
+    """One number for a span to both sides."""
+    return value[1] if isinstance(value, tuple) and value[0] == -value[1] else value
+
+
+def _ball(made: Joint, joint: SdfJoint) -> Joint:
+    swing, turn = (joint.own_bounds.get(key, Bounds()).position[1] for key in loop_coordinates(joint.kind))
+    axis = made.axis if joint.ball_axis is None else joint.ball_axis
+    return replace(made, swing=swing, turn=turn, axis=axis)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -376,7 +436,8 @@ def read_gearbox(scope: Scope, element: etree._Element, joints: Sequence[SdfJoin
         Outcome.KEPT,
     )
     factor = -ratio * first.sign * second.sign
-    return Coupling(name, second.joint.name, first.joint.name, (0.0, factor))
+    constant = _reading(second.joint, 0) - factor * _reading(first.joint, 0)
+    return Coupling(name, second.joint.name, first.joint.name, (constant, factor))
 
 
 def is_gearbox(element: etree._Element) -> bool:
@@ -435,8 +496,16 @@ def read_mimics(scope: Scope, joints: Sequence[SdfJoint]) -> list[Coupling]:
                 raise scope.reader.error(f"{owner} mimics itself; name another joint", owner)
             scope.reader.note(owner, "<mimic>: a coupling", Outcome.KEPT)
             constant = rule.offset - rule.multiplier * rule.reference
-            couplings.append(Coupling(f"{follower}_mimic", follower, followed, (constant, rule.multiplier)))
+            # Between what both read, of which the file counts from rest.
+            zeros = [_reading(joint, number), _reading(leader, at)]
+            constant += zeros[0] - rule.multiplier * zeros[1]
+            name = rule.name or f"{follower}_mimic"
+            couplings.append(Coupling(name, follower, followed, (constant, rule.multiplier)))
     return couplings
+
+
+def _reading(joint: SdfJoint, number: int) -> float:
+    return float(joint.readings[number]) if len(joint.readings) > number else 0.0
 
 
 def coordinate(joint: SdfJoint, number: int) -> str:

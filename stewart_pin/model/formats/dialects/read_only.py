@@ -1,0 +1,189 @@
+"""Dialects that are only read: frames of onshape-to-robot, urdfdom's ``<constraint>``, motors that ROS names."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from stewart_pin.errors import FileFormatError
+from stewart_pin.model.description import (
+    AXIS_FREE_LOOPS,
+    LOOP_KINDS,
+    JointKind,
+    Loop,
+    Mechanism,
+    Note,
+    Outcome,
+)
+from stewart_pin.model.formats.dialect import Dialect, Parts, add_parts, carrier
+from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.formats.xml import reason_to_ignore, shown_tag
+from stewart_pin.typing import FloatArray
+
+# ----------------------------------------------------------------------------------------------------
+# Frames called ``closing_NAME_1`` and ``closing_NAME_2``, as onshape-to-robot exports a mate ``closing_NAME``.
+#
+# The type of the mate is not in the URDF. For hinges the exporter adds a second pair of frames, ``closing_NAME_1_z``
+# and ``closing_NAME_2_z``, farther up the axis, which are read as a revolute loop about z. A pair alone is taken
+# for a ball, the weakest that all mates share; to say otherwise, name the pair in a YAML beside the URDF (see
+# `gepetto`), with the type that it is.
+#
+# References
+# ----------
+# .. [1] onshape-to-robot documentation, "Kinematic loops".
+# ----------------------------------------------------------------------------------------------------
+
+_NAME = re.compile(r"(closing_.+)_([12])(_z)?")
+_TITLE = "frames closing_*_1, closing_*_2"
+_ASSUMED = "taken for a ball: the file does not say what the mate was; if it is more, name the pair in a YAML beside it"
+
+
+def _complete(mechanism: Mechanism) -> Mechanism:
+    ends: dict[tuple[str, str], dict[str, str]] = {}
+    for link in mechanism.links:
+        found = _NAME.fullmatch(link.name)
+        if found:
+            ends.setdefault((found[1], found[3] or ""), {})[found[2]] = link.name
+    for (stem, suffix), pair in ends.items():
+        if len(pair) < 2 or (suffix and (stem, "") not in ends):
+            raise FileFormatError(
+                f"frame '{next(iter(pair.values()))}' is called like half of a pair that closes a loop, and the other "
+                "half is missing; add it, or rename the frame",
+                path=mechanism.source,
+                culprit=next(iter(pair.values())),
+            )
+        if not suffix:
+            mechanism = _closed(mechanism, stem, pair, hinge=(stem, "_z") in ends)
+    return mechanism
+
+
+def _closed(mechanism: Mechanism, stem: str, pair: dict[str, str], *, hinge: bool) -> Mechanism:
+    (link1, place1), (link2, place2) = (carrier(mechanism, pair[end]) for end in "12")
+    for loop in mechanism.loops:
+        ends = [(loop.link1, loop.placement1), (loop.link2, loop.placement2)]
+        wanted = [(link1, place1), (link2, place2)]
+        if loop.name == stem or _same(ends, wanted) or _same(ends[::-1], wanted):
+            return mechanism
+    kind = JointKind.REVOLUTE if hinge else JointKind.SPHERICAL
+    parts = Parts(loops=(Loop(stem, kind, link1, link2, place1, place2),))
+    if not hinge:
+        parts = Parts(loops=parts.loops, notes=(Note(f"loop '{stem}'", _ASSUMED, Outcome.CHANGED),))
+    return add_parts(mechanism, parts, _TITLE)
+
+
+def _same(ends: list[tuple[str, pin.SE3]], wanted: list[tuple[str, pin.SE3]]) -> bool:
+    """Tell whether two pairs of frames have the same links and origins."""
+    return all(
+        link == other and np.allclose(place.translation, there.translation, rtol=0, atol=1e-9)
+        for (link, place), (other, there) in zip(ends, wanted, strict=True)
+    )
+
+
+_CLOSING_FRAMES = Dialect("closing_frames", _TITLE, complete=_complete)
+
+
+# ----------------------------------------------------------------------------------------------------
+# The ``<constraint>`` that is proposed for urdfdom: parent and child, each with its origin and its axis.
+#
+# The axes stand in the frames that the origins make, as the axis of a URDF joint does. A universal joint turns about
+# the parent's axis and the child's. For the other types the child's frame is turned, by the least rotation, so that its
+# axis becomes the parent's.
+#
+# References
+# ----------
+# .. [1] urdfdom, pull request 264, "Add constraints to describe closed loops", 2026.
+# ----------------------------------------------------------------------------------------------------
+
+_SYNONYMS = {"continuous": "revolute", "ball": "spherical"}
+
+
+def _read_constraint(reader: UrdfElements, element: etree._Element) -> Parts:
+    name = reader.text(element, "name", "a <constraint>")
+    owner = f"constraint '{name}'"
+    written = reader.text(element, "type", owner)
+    types = [kind for kind in LOOP_KINDS if kind is not JointKind.DISTANCE]
+    word = written.removesuffix("_joint")  # the fork writes spherical_joint
+    if _SYNONYMS.get(word, word) not in types:
+        raise reader.error(f"{owner} has the type '{written}'; supported: {', '.join(types)}", owner)
+    kind = JointKind(_SYNONYMS.get(word, word))
+    tags = [f"{end}{part}" for end in ("parent", "child") for part in ("", "_origin", "_axis")]
+    reader.only(element, owner, ("name", "type"), tags)
+    link1, link2 = reader.ends(element, owner)
+    place1, place2 = (reader.origin(element, owner, f"{end}_origin") for end in ("parent", "child"))
+    default = "0 0 1" if kind in AXIS_FREE_LOOPS else ""
+    axis = reader.axis(element, owner, "parent_axis", default)
+    given = reader.optional(element, "child_axis", owner) is not None or kind is JointKind.UNIVERSAL
+    axis2 = reader.axis(element, owner, "child_axis", default) if given else axis
+    if kind is JointKind.UNIVERSAL:
+        return Parts(loops=(Loop(name, kind, link1, link2, place1, place2, axis, axis2),))
+    notes: tuple[Note, ...] = ()
+    if kind not in AXIS_FREE_LOOPS and not np.array_equal(axis, axis2):
+        place2 = place2 * pin.SE3(_least_rotation(axis, axis2), np.zeros(3))
+        if kind is JointKind.PRISMATIC:
+            text = "two axes do not say how the child is turned about them; the least rotation is taken"
+            notes = (Note(f"loop '{name}'", text, Outcome.CHANGED),)
+    return Parts(loops=(Loop(name, kind, link1, link2, place1, place2, axis),), notes=notes)
+
+
+def _least_rotation(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the rotation of least angle that takes unit vector a to b."""
+    if a @ b < -1 + 1e-12:  # half a turn about any axis across
+        across = np.cross(a, np.eye(3)[np.argmin(np.abs(a))])
+        across /= np.linalg.norm(across)
+        return 2 * np.outer(across, across) - np.eye(3)
+    return pin.Quaternion.FromTwoVectors(a, b).toRotationMatrix()
+
+
+_URDFDOM = Dialect("urdfdom", "urdfdom <constraint>", {"robot/constraint": _read_constraint})
+
+
+# ----------------------------------------------------------------------------------------------------
+# Motors that ROS names: ``<transmission>`` and ``<ros2_control>``.
+#
+# They count where no joint is marked independent and they can only mean one thing; see `choose_motors`.
+#
+# References
+# ----------
+# .. [1] ROS wiki, "urdf/XML/Transmission"; ros2_control documentation, "URDF hardware components".
+# ----------------------------------------------------------------------------------------------------
+
+_NOT_DRIVEN = ("PassiveJointInterface", "JointStateInterface")
+_ROTOR = ("drake:rotor_inertia", "drake:gear_ratio")
+
+
+def _read_transmission(reader: UrdfElements, element: etree._Element) -> Parts:
+    reason_to_ignore(reader, element, "the file")
+    notes = tuple(
+        Note(f"<{shown_tag(inner)}>", "rotor inertia and gear ratio are arguments of the simulation")
+        for inner in element.iter(etree.Element)
+        if shown_tag(inner) in _ROTOR
+    )
+    joints = element.findall("joint")
+    if joints and all(_is_passive(joint) for joint in joints):
+        return Parts(notes=(*notes, Note(reader.shown(element, "the file"), "passive joints, no motors")))
+    return Parts(motors=tuple(joint.get("name") or "" for joint in joints), notes=notes)
+
+
+def _is_passive(joint: etree._Element) -> bool:
+    """Tell whether a joint's interfaces are all those of a joint that nothing drives."""
+    words = [(each.text or "").strip().rpartition("/")[2] for each in joint.findall("hardwareInterface")]
+    return bool(words) and all(word in _NOT_DRIVEN for word in words)
+
+
+def _read_ros2_control(reader: UrdfElements, element: etree._Element) -> Parts:
+    reason_to_ignore(reader, element, "the file")
+    driven = [joint for joint in element.findall("joint") if joint.find("command_interface") is not None]
+    return Parts(motors=tuple(joint.get("name") or "" for joint in driven))
+
+
+_ROS = Dialect(
+    "ros",
+    "ROS <transmission>, <ros2_control>",
+    {"robot/transmission": _read_transmission, "robot/ros2_control": _read_ros2_control},
+)
+
+
+DIALECTS = (_CLOSING_FRAMES, _URDFDOM, _ROS)
