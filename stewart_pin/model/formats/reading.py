@@ -13,7 +13,7 @@ from stewart_pin.model.formats.sdf import read_sdf
 from stewart_pin.model.formats.urdf import read_urdf
 from stewart_pin.model.formats.xml import read_xml, shown_tag
 
-_SUFFIXES = (".urdf", ".sdf", ".world", ".xml", ".mjcf")
+_SUFFIXES = (".urdf", ".sdf", ".world", ".xml", ".mjcf", ".xacro")
 
 _READERS: dict[str, Callable[[Path], Mechanism]] = {
     "robot": read_urdf,

@@ -1,16 +1,23 @@
-"""Safe XML: no document type, so no entity expansion; no network; numbers that are numbers; which tags are harmless."""
+"""Safe XML: no document type, so no entity expansion; no network; numbers that are numbers; which tags are harmless.
+
+A file with tags of xacro is what the package of that name makes of it (extra ``xacro``).
+"""
 
 from __future__ import annotations
 
 import codecs
+import contextlib
+import io
 import re
+import threading
 from collections.abc import Collection, Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from lxml import etree
 
-from stewart_pin.errors import FileFormatError, FileMissingError
+from stewart_pin.errors import FileFormatError, FileMissingError, MissingExtraError
 from stewart_pin.typing import FloatArray
 
 UNLIMITED = 1e30
@@ -42,9 +49,28 @@ def read_xml(path: Path) -> etree._Element:
     FileMissingError
         If there is no such file.
     FileFormatError
-        If the file is not well-formed XML, or holds a document type declaration (the place for entities).
+        If the file is not well-formed XML, holds a document type declaration (the place for entities), or is refused by
+        xacro.
+    MissingExtraError
+        If the file has tags of xacro, which is not installed.
     """
-    text = _COMMENT.sub(_blank, _read_text(path))
+    root = _parse(path, _COMMENT.sub(_blank, _read_text(path)))
+    if path.suffix.lower() != ".xacro" and not any(
+        shown_tag(element).startswith("xacro:") for element in root.iter(etree.Element)
+    ):
+        return root
+    expanded = _parse(path, _COMMENT.sub(_blank, _expand(path)))
+    if not len(expanded) and len(root):
+        raise FileFormatError(
+            "the file defines macros of xacro alone, and no robot; load the file that calls them",
+            path=str(path),
+            culprit=f"<{shown_tag(root)}>",
+        )
+    return expanded
+
+
+def _parse(path: Path, text: str) -> etree._Element:
+    """Parse a text without comments."""
     if not text.strip():
         raise FileFormatError("the file is empty", path=str(path))
     # Refused before parsing: entities would be expanded inside attributes whatever the parser's options.
@@ -74,6 +100,64 @@ def read_xml(path: Path) -> etree._Element:
         for element in root.iter(etree.Element):
             element.tag = str(element.tag).removeprefix(own)
     return root
+
+
+_XACRO = threading.Lock()
+"""The package keeps the file that it works on in variables of its own."""
+_UPWARD = 8
+"""Folders above a file that may hold, or be, the package that a file of xacro refers to."""
+
+
+def _names_package(folder: Path, package: str) -> bool:
+    """Tell whether a folder is a package of ROS of that name."""
+    told = folder / "package.xml"
+    return (
+        told.is_file()
+        and re.search(rf"<name>\s*{re.escape(package)}\s*</name>", _read_text(told)) is not None
+    )
+
+
+def _expand(path: Path) -> str:
+    """Let xacro write out the macros of a file; it opens what the file includes, and no network."""
+    try:
+        import xacro  # noqa: PLC0415
+        from xacro import substitution_args  # noqa: PLC0415
+    except ImportError:
+        raise MissingExtraError("xacro", "xacro") from None
+
+    place = path.absolute()
+    installed = substitution_args._eval_find
+
+    def find(package: str) -> str:
+        for folder in place.parents[:_UPWARD]:
+            if folder.name == package or _names_package(folder, package):
+                return str(folder)
+            if (folder / package).is_dir():
+                return str(folder / package)
+        try:
+            return str(installed(package))
+        except Exception:
+            raise substitution_args.ArgException(
+                f"$(find {package}), as no folder of that name holds the file or lies beside one that does"
+            ) from None
+
+    with _XACRO, contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
+        substitution_args._eval_find = find
+        try:
+            document: Any = xacro.process_file(str(place))
+            return str(document.toprettyxml(indent=" "))
+        # What a file makes it do has no base of its own: any error of Python may come out of an expression.
+        except Exception as error:
+            missing = isinstance(getattr(error, "exc", None), OSError)  # told twice
+            said = " ".join((str(error.args[0] if missing else error) or type(error).__name__).split())
+            raise FileFormatError(
+                f"xacro refuses the file: {said}; give the arguments their default values in the file, and put what "
+                "it includes where it looks for it",
+                path=str(path),
+                culprit="<xacro>",
+            ) from None
+        finally:
+            substitution_args._eval_find = installed
 
 
 def _blank(found: re.Match[str]) -> str:
