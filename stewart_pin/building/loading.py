@@ -35,7 +35,7 @@ def load(
     motors: Sequence[str] | None = None,
     platform: str | None = None,
     gravity: ArrayLike | None = None,
-    odd_inertias: bool = False,
+    odd_inertias: bool = True,
     closure_tolerance: float | None = None,
 ) -> ClosedChain:
     """Read a robot with its loops, motors and platform.
@@ -61,7 +61,7 @@ def load(
         (0, 0, -9.81).
     odd_inertias
         Whether to keep, with a note in the report, inertias that no real body has, one principal moment being above the
-        sum of the others. SDFormat's are always kept, as its simulators keep them.
+        sum of the others, or mass absent; False: they are refused, but for SDFormat's.
     closure_tolerance
         Largest gap of loops, and singular value of their rows, that is taken for rounding, in robot sizes and radians:
         joints and loops are then moved by it, so that the mechanism has the freedom that was meant, and the report

@@ -109,29 +109,15 @@ class _Validator:
         if problem is None and link.name not in self.mechanism.odd_inertias:
             problem = broken_triangle(inertia, mass * self.round_off)
             if problem:
-                problem += "; correct its digits, or let load keep it by odd_inertias=True"
+                problem += "; correct its digits, or let load keep it: leave out odd_inertias=False"
         if problem:
             raise self._error(link.name, f"link '{link.name}': {problem}")
-        if mass == 0 and np.abs(inertia).max() > 0 and not self._has_heavy_part(link.name):
+        if link.name not in self.mechanism.odd_inertias and lacks_mass(self.mechanism, link):
             raise self._error(
                 link.name,
-                f"link '{link.name}' has inertia but no mass; give it a mass, or remove its <inertial> element",
+                f"link '{link.name}' has inertia but no mass; give it a mass, remove its <inertial> element, or leave "
+                "out odd_inertias=False",
             )
-
-    def _has_heavy_part(self, name: str) -> bool:
-        """Tell whether a link is fixed, perhaps through others, to one with mass: together they are one real body."""
-        reached, frontier = {name}, [name]
-        fixed = [(j.parent, j.child) for j in self.mechanism.joints if j.kind is JointKind.FIXED]
-        while frontier:
-            link = frontier.pop()
-            beside = {b if a == link else a for a, b in fixed if link in (a, b)} - reached
-            reached |= beside
-            frontier.extend(beside)
-        return any(
-            link.inertia is not None and link.inertia.mass > 0
-            for link in self.mechanism.links
-            if link.name in reached
-        )
 
     def _placement(self, owner: str, culprit: str, placement: pin.SE3) -> None:
         homogeneous = placement.homogeneous
@@ -348,6 +334,36 @@ def broken_triangle(inertia: np.ndarray, round_off: float = 0.0) -> str | None:
     return None
 
 
+def lacks_mass(mechanism: Mechanism, link: Link) -> bool:
+    """Tell whether a link has a rotational inertia without mass.
+
+    Parameters
+    ----------
+    mechanism
+        Description with the link.
+    link
+        The link.
+
+    Returns
+    -------
+    bool
+        Whether it has; not where it is fixed, perhaps through others, to one with mass: together they are one body.
+    """
+    if link.inertia is None or link.inertia.mass != 0 or not np.any(link.inertia.inertia):
+        return False
+    reached, frontier = {link.name}, [link.name]
+    fixed = [(j.parent, j.child) for j in mechanism.joints if j.kind is JointKind.FIXED]
+    while frontier:
+        at = frontier.pop()
+        beside = {b if a == at else a for a, b in fixed if at in (a, b)} - reached
+        reached |= beside
+        frontier.extend(beside)
+    masses = [
+        part.inertia.mass for part in mechanism.links if part.name in reached and part.inertia is not None
+    ]
+    return not any(mass > 0 for mass in masses)
+
+
 def keep_odd_inertias(mechanism: Mechanism) -> Mechanism:
     """Let a description pass although no real body has some of its inertias; simulators take those as well.
 
@@ -365,7 +381,12 @@ def keep_odd_inertias(mechanism: Mechanism) -> Mechanism:
     round_off = _round_off(mechanism)
     for link in mechanism.links:
         body = link.inertia
-        problem = None if body is None else broken_triangle(body.inertia, body.mass * round_off)
+        # Numbers that are none are refused by name later.
+        if link.name in mechanism.odd_inertias or body is None or not np.isfinite(body.inertia).all():
+            continue
+        problem = broken_triangle(body.inertia, body.mass * round_off)
+        if lacks_mass(mechanism, link):
+            problem = "it has inertia but no mass"
         if problem:
             odd[link.name] = Note(f"link '{link.name}'", f"{problem}; check its digits", Outcome.KEPT)
     notes = (*mechanism.notes, *odd.values())

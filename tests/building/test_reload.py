@@ -37,7 +37,7 @@ def again(
 
 def odd_arm(folder: Path) -> stp.ClosedChain:
     text = robot(*ARM, link("disc", ODD), joint("turn", "arm", "disc", "continuous"))
-    return stp.load(write(folder, text), odd_inertias=True)
+    return stp.load(write(folder, text))
 
 
 @pytest.mark.parametrize("format", FORMATS)
@@ -71,7 +71,7 @@ def test_odd_inertias_that_nobody_asked_for_are_refused_still(tmp_path: Path) ->
     worse = path.read_text().replace('izz="1"', 'izz="9"')
     path.write_text(worse)
     with pytest.raises(MechanismError, match=r"link 'base'.* break the triangle"):
-        stp.load(path)
+        stp.load(path, odd_inertias=False)
     path.write_text(worse.replace('<odd_inertia link="disc"/>', '<odd_inertia link="disk"/>'))
     with pytest.raises(FileFormatError, match=r"<odd_inertia> \(line \d+\) names the missing link 'disk'"):
         stp.load(path)

@@ -48,8 +48,19 @@ def test_inertia_without_mass_counts_where_it_is_fixed_to_a_body(tmp_path: Path)
     rest = np.zeros(2)
     moved = [stp.inverse_dynamics(c, c.q_home, rest, np.ones(2)).tau_motor for c in (chain, bare)]
     assert not np.allclose(*moved)
-    with pytest.raises(MechanismError, match="inertia but no mass"):
-        stp.load(write(tmp_path, robot(*ARM, leaf(0, 0.1, kind="revolute"))))
+    path = write(tmp_path, robot(*ARM, leaf(0, 0.1, kind="revolute")))
+    with pytest.raises(MechanismError, match=r"inertia but no mass.*odd_inertias=False"):
+        stp.load(path, odd_inertias=False)
+    # A rotor that turns in place needs no mass: every formulation takes it as it is.
+    rotor = stp.load(path, motors=["shoulder", "elbow", "tip_joint"])
+    assert "it has inertia but no mass; check its digits" in str(rotor.report)
+    v, a = np.array([0.3, -0.2, 0.5]), np.array([1.0, 2.0, 4.0])
+    effort = stp.inverse_dynamics(rotor, rotor.q_home, v, a).tau_motor
+    proof = stp.inverse_dynamics(rotor, rotor.q_home, v, a, method="constraint_matrix").tau_motor
+    np.testing.assert_allclose(effort, proof, rtol=1e-12)
+    moved = stp.forward_dynamics(rotor, rotor.q_home, v, effort).a
+    recursion = stp.articulated_body_acceleration(rotor, rotor.q_home, v, effort)
+    np.testing.assert_allclose([moved, recursion], [a, a], rtol=1e-10)
 
 
 def test_both_halves_of_an_inertia(tmp_path: Path) -> None:

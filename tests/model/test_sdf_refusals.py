@@ -13,7 +13,7 @@ from tests.small_sdf import frame, joint, link, sdf, write
 A = link("a")
 ODD = {
     "no version": ("<sdf><model name='m'/></sdf>", r"lacks 'version'"),
-    "an old version": ("<sdf version='1.2'><model name='m'/></sdf>", r"versions 1\.4 to 1\.12 are read"),
+    "an old version": ("<sdf version='1.2'><model name='m'/></sdf>", r"versions 1\.3 to 1\.12 are read"),
     "a version in words": ("<sdf version='new'><model name='m'/></sdf>", "'new'"),
     "no model": ("<sdf version='1.9'/>", "keep one"),
     "two models": ("<sdf version='1.9'><model name='m'/><model name='n'/></sdf>", "2 <model>.*'m', 'n'"),

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from lxml import etree
 
-from stewart_pin.model.description import Mechanism, Note, Outcome
+from stewart_pin.model.description import Joint, Link, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import (
     COMPLETE,
     Parts,
@@ -45,6 +45,7 @@ from stewart_pin.model.unfolding import cut_second_parents
 # ----------------------------------------------------------------------------------------------------
 
 
+_WORLD = "world"
 _MARKED = "motors are the joints marked independent"
 
 
@@ -174,6 +175,7 @@ class _UrdfReader(UrdfElements):
                 found.extend(self._in_a_dialect(element, "the file"))
         parts = [each.parts for each in found]
         links = tuple(link for part in parts for link in part.links)
+        links += self._world(links, [joint for part in parts for joint in part.joints])
         mechanism = Mechanism(
             name=self.root.get("name") or Path(self.path).stem,
             links=links,
@@ -195,6 +197,13 @@ class _UrdfReader(UrdfElements):
             (each.tag, each.subject, each.parts.motors) for each in found if each.parts.motors is not None
         ]
         return choose_motors(mechanism, named)
+
+    def _world(self, links: tuple[Link, ...], joints: list[Joint]) -> tuple[Link, ...]:
+        """Add the link ``world`` where a joint hangs on it and none is written: Drake has it from the start."""
+        if _WORLD in (link.name for link in links) or all(joint.parent != _WORLD for joint in joints):
+            return ()
+        self.note(f"link '{_WORLD}'", "joints hang on it, and it is not written: the ground", Outcome.CHANGED)
+        return (Link(_WORLD),)
 
     def _in_a_dialect(self, element: etree._Element, owner: str) -> list[_Found]:
         """Read a tag by the dialect that claims it; note it, or refuse it, where none does."""

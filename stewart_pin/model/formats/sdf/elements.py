@@ -12,7 +12,7 @@ from lxml import etree
 
 from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Note, Outcome
-from stewart_pin.model.formats.xml import UNLIMITED, ElementReader, reason_to_ignore, shown_tag
+from stewart_pin.model.formats.xml import ElementReader, reason_to_ignore, shown_tag
 from stewart_pin.tolerances import NO_DIRECTION
 from stewart_pin.typing import FloatArray
 
@@ -51,6 +51,28 @@ _HARMLESS = {
 _BINDING_PLUGINS = ("mimic", "detachable", "attach", "gearbox", "constraint", "closed", "loop")
 
 
+def holds_own_links(plugin: etree._Element) -> bool:
+    """Tell whether a plugin of Gazebo is a DetachableJoint between two links of its own model: it closes a loop.
+
+    Parameters
+    ----------
+    plugin
+        The ``<plugin>``.
+
+    Returns
+    -------
+    bool
+        Whether it is one; one that holds a link of another model is none.
+    """
+    names = " ".join(plugin.get(key, "") for key in ("name", "filename")).lower()
+    model = plugin.getparent()
+    own = "" if model is None or shown_tag(model) != "model" else model.get("name", "")
+    return "detachable" in names and (plugin.findtext("child_model") or "").strip() in (
+        own or None,
+        "__model__",
+    )
+
+
 def why_ignored(reader: ElementReader, element: etree._Element, owner: str) -> str:
     """Say why a tag is not read, or stop: it could hold links together, or couple joints.
 
@@ -76,6 +98,8 @@ def why_ignored(reader: ElementReader, element: etree._Element, owner: str) -> s
     tag = shown_tag(element)
     if tag != "plugin":
         return _HARMLESS.get(tag) or reason_to_ignore(reader, element, owner)
+    if holds_own_links(element):
+        return "holds two links as they lie at rest: read as a loop, never detached"
     names = " ".join(element.get(key, "") for key in ("name", "filename"))
     inside = {shown_tag(inner).lower() for inner in element.iter(etree.Element)}
     if any(word in names.lower() for word in _BINDING_PLUGINS) or any("mimic" in inner for inner in inside):
@@ -90,6 +114,9 @@ def why_ignored(reader: ElementReader, element: etree._Element, owner: str) -> s
 # ----------------------------------------------------------------------------------------------------
 
 _INFINITY = re.compile(r"([+-]?)inf(inity)?", re.IGNORECASE)
+_NUMBER = re.compile(r"[+-]?[0-9.]+([eE][+-]?[0-9]+)?", re.ASCII)
+_ENDLESS = 1e16
+"""SDFormat's own number for no limit; exporters write the largest float or double as well."""
 _FLAGS = {"true": True, "1": True, "false": False, "0": False}
 _ROUND_OFF = 1e-15
 """Component of a unit vector below which it counts as zero."""
@@ -354,9 +381,9 @@ class SdfReader(ElementReader):
         endless = _INFINITY.fullmatch(text)
         if endless:
             return -np.inf if endless[1] == "-" else np.inf
-        value = float(self.parse(text, 1, f"{owner}: <{tag}> (line {child.sourceline})", owner)[0])
-        # SDFormat's own number for no limit; exporters write that of float, 3.4e38 being refused with all others.
-        return float(np.copysign(np.inf, value)) if abs(value) >= min(1e16, UNLIMITED) else value
+        if _NUMBER.fullmatch(text) and abs(float(text)) >= _ENDLESS:
+            return float(np.copysign(np.inf, float(text)))
+        return float(self.parse(text, 1, f"{owner}: <{tag}> (line {child.sourceline})", owner)[0])
 
     def flag(
         self, element: etree._Element, tag: str, owner: str, *, default: bool = False, attribute: bool = False

@@ -14,6 +14,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Bounds, JointKind, Outcome, Span, loop_coordinates
 from stewart_pin.model.formats.sdf.elements import OWN_LIMIT, SPANS, direction, own
 from stewart_pin.model.formats.sdf.frames import MODEL, WORLD, Scope, coordinates_between, motion
+from stewart_pin.model.formats.xml import shown_tag
 from stewart_pin.tolerances import NO_DIRECTION
 from stewart_pin.typing import FloatArray
 
@@ -156,10 +157,13 @@ def axis_direction(scope: Scope, element: etree._Element, placement: pin.SE3, ow
         (3,) unit vector in the joint frame, dimensionless.
     """
     reader = scope.reader
-    xyz = reader.child(element, "xyz", owner)
-    reader.only(xyz, owner, ("expressed_in",))
-    vector = reader.vector(element, "xyz", 3, owner)
-    frame = xyz.get("expressed_in") or ""
+    xyz = reader.optional(element, "xyz", owner)
+    if xyz is None:
+        reader.note(owner, f"<{shown_tag(element)}> has no <xyz>: z, the format's default", Outcome.KEPT)
+    else:
+        reader.only(xyz, owner, ("expressed_in",))
+    vector = reader.vector(element, "xyz", 3, owner, "0 0 1")
+    frame = "" if xyz is None else xyz.get("expressed_in") or ""
     old = reader.flag(element, "use_parent_model_frame", owner)
     if old and scope.version >= (1, 7):
         raise reader.error(

@@ -1,12 +1,13 @@
 """From an SDFormat file to a mechanism.
 
 A joint whose child link has a parent already closes a loop: Gazebo Classic's way. Drake's ``drake:ball_constraint``
-closes one as well. Poses are those of the links at rest, so that every loop is closed while all joints are at zero.
+closes one as well, and so does a DetachableJoint of Gazebo that holds two links of one model. Poses are those of the
+links at rest, so that every loop is closed while all joints are at zero.
 Shapes are read here too.
 
 References
 ----------
-.. [1] Open Robotics, "SDFormat Specification", versions 1.4 to 1.12.
+.. [1] Open Robotics, "SDFormat Specification", versions 1.3 to 1.12.
 .. [2] R. Tedrake et al., "Drake", multibody parsing: custom elements.
 """
 
@@ -22,7 +23,7 @@ from lxml import etree
 from stewart_pin.errors import FileFormatError, UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Outcome
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
-from stewart_pin.model.formats.sdf.elements import SdfReader, own
+from stewart_pin.model.formats.sdf.elements import SdfReader, holds_own_links, own
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope
 from stewart_pin.model.formats.sdf.joints import Axis, SdfJoint, ends, link_pose, read_joint
 from stewart_pin.model.formats.sdf.models import open_document
@@ -111,13 +112,14 @@ def read_sdf(path: Path) -> Mechanism:
         floats=floats,
     )
     constraints = [loop for scope in scopes for loop in _ball_constraints(scope)]
+    held = [loop for scope in scopes for loop in _detachable_joints(scope, poses)]
     frames, mounts = _frames(scopes, poses)
     everywhere = [*links, *tree.links, *frames]
     mechanism = Mechanism(
         name=model.element.get("name", path.stem),
         links=(Link(WORLD), *everywhere),
         joints=(*tree.joints, *mounts),
-        loops=(*tree.loops, *constraints),
+        loops=(*tree.loops, *constraints, *held),
         couplings=(*couplings, *tree.couplings),
         platform=_platform(model, everywhere),
         home=tree.home,
@@ -314,6 +316,23 @@ def _ball_constraints(scope: Scope) -> list[Loop]:
         at = [pin.SE3(np.eye(3), reader.vector(element, f"{tag}_{part}", 3, owner)) for part in points]
         name = f"{scope.prefix}ball_constraint_{number}"
         loops.append(Loop(name, JointKind.SPHERICAL, names[0], names[1], at[0], at[1]))
+    return loops
+
+
+def _detachable_joints(scope: Scope, poses: dict[str, pin.SE3]) -> list[Loop]:
+    """Read what holds a link of a model at another one as they lie at rest, until it is detached."""
+    reader = scope.reader
+    loops: list[Loop] = []
+    for number, element in enumerate(
+        filter(holds_own_links, reader.children(scope.element, "plugin")), start=1
+    ):
+        owner = f"DetachableJoint {number} (line {element.sourceline})"
+        one, two = (
+            scope.body(reader.content(element, tag, owner), owner) for tag in ("parent_link", "child_link")
+        )
+        placed = poses[one].actInv(poses[two])
+        name = f"{scope.prefix}detachable_joint_{number}"
+        loops.append(Loop(name, JointKind.FIXED, one, two, placed, pin.SE3.Identity()))
     return loops
 
 

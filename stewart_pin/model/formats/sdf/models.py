@@ -99,7 +99,7 @@ class IncludedFiles:
 
 # ----------------------------------------------------------------------------------------------------
 
-_OLDEST, _NEWEST = (1, 4), (1, 12)
+_OLDEST, _NEWEST = (1, 3), (1, 12)
 _IN_MODEL = {
     "pose", "static", "link", "joint", "frame", "model", "include",
     "drake:joint", "drake:ball_constraint", "drake:linear_bushing_rpy", "drake:tendon_constraint",
@@ -203,7 +203,7 @@ class _Opener:
         )
         if len(version) != len(numbers) or not _OLDEST <= version[:2] <= _NEWEST:
             raise reader.error(
-                f"<sdf version='{text}'>: versions 1.4 to 1.12 are read; convert other files with 'gz sdf -p'",
+                f"<sdf version='{text}'>: versions 1.3 to 1.12 are read; convert other files with 'gz sdf -p'",
                 "<sdf>",
             )
         return reader, root, version
