@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -279,21 +279,7 @@ class Growth:
         tried: Counter[tuple[int, ...]] = Counter([begin])
         front = [begin] if found[begin] is not None else []
         while front:
-            # A cell is reached from the first of its neighbours of this layer; one that is not, or only beyond limits,
-            # is tried again from another.
-            following: dict[tuple[int, ...], Configuration] = {}
-            for cell in front:
-                here = found[cell]
-                for step in steps:
-                    beside = tuple(k + d for k, d in zip(cell, step, strict=True))
-                    known = found.get(beside)
-                    if (
-                        here
-                        and beside not in following
-                        and tried[beside] < _ATTEMPTS
-                        and not (known and known.inside)
-                    ):
-                        following[beside] = here.q
+            following = _following(front, steps, found, tried)
             tried.update(following.keys())
             if len(tried) > most:
                 raise InputError(
@@ -367,6 +353,29 @@ class Growth:
             else None
             for k in range(len(shift))
         ]
+
+
+def _following(
+    front: Sequence[tuple[int, ...]],
+    steps: Sequence[tuple[int, ...]],
+    found: Mapping[tuple[int, ...], _Cell | None],
+    tried: Counter[tuple[int, ...]],
+) -> dict[tuple[int, ...], Configuration]:
+    """Cells beside those of a layer, each with the configuration from which it is tried.
+
+    A cell is reached from the first of its neighbours of this layer; one that is not, or only beyond limits, is tried
+    again from another.
+    """
+    following: dict[tuple[int, ...], Configuration] = {}
+    for cell in front:
+        here = found[cell]
+        for step in steps if here else ():
+            beside = tuple(k + d for k, d in zip(cell, step, strict=True))
+            known = found.get(beside)
+            done = beside in following or tried[beside] >= _ATTEMPTS or (known and known.inside)
+            if here and not done:
+                following[beside] = here.q
+    return following
 
 
 @dataclass(frozen=True, eq=False)

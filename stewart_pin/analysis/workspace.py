@@ -202,6 +202,20 @@ def sample_workspace(
         raise InputError(
             "start is for platforms on anything but six legs: the workspace of these is found as a whole"
         )
+    return _by_legs(hexapod, rotation, stroke, sheet, spacing, length, kernels)
+
+
+def _by_legs(
+    hexapod: Hexapod | ClosedChain,
+    rotation: FloatArray,
+    stroke: ArrayLike | None,
+    sheet: Sheet,
+    spacing: float | None,
+    length: float | None,
+    kernels: bool | None,
+) -> WorkspaceSamples:
+    """Sample what six legs reach in the box around all that they may."""
+    chain = hexapod if isinstance(hexapod, ClosedChain) else None
     if sheet not in ("upper", "lower", "both"):
         raise InputError(f"sheet must be 'upper', 'lower' or 'both', got {sheet!r}")
     joints = chain is not None and _others_limited(chain)

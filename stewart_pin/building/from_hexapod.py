@@ -100,13 +100,9 @@ def hexapod_chain(
     """
     if lower_joint not in ("universal", "spherical"):
         raise InputError(f"lower_joint must be 'universal' or 'spherical', got {lower_joint!r}")
-    for argument, inertia in (("platform", platform), ("lower", lower), ("upper", upper), ("base", base)):
-        if not isinstance(inertia, pin.Inertia) and not (argument == "base" and inertia is None):
-            raise InputError(f"{argument} must be a pinocchio.Inertia, got {type(inertia).__name__}")
+    _require_inertias(platform=platform, lower=lower, upper=upper, **({} if base is None else {"base": base}))
     low, high = read_stroke(stroke)
-    for argument, value in (("swing", swing), ("ball_swing", ball_swing)):
-        if not value > 0:
-            raise InputError(f"{argument} must be an angle above zero, got {value!r}")
+    _require_angles(swing=swing, ball_swing=ball_swing)
     pose = pin.SE3(np.eye(3), default_home(hexapod, low, high)) if home is None else as_pose("home", home)
     ends = zip(hexapod.base_points, hexapod.platform_points, strict=True)
     legs = [
@@ -133,6 +129,18 @@ def hexapod_chain(
         notes=(*_too_long("lower", lower, 1.0, low, high), *_too_long("upper", upper, -1.0, low, high)),
     )
     return build_chain(mechanism, gravity=gravity)
+
+
+def _require_inertias(**given: pin.Inertia) -> None:
+    for argument, inertia in given.items():
+        if not isinstance(inertia, pin.Inertia):
+            raise InputError(f"{argument} must be a pinocchio.Inertia, got {type(inertia).__name__}")
+
+
+def _require_angles(**given: float) -> None:
+    for argument, value in given.items():
+        if not value > 0:
+            raise InputError(f"{argument} must be an angle above zero, got {value!r}")
 
 
 @dataclass(frozen=True, eq=False)

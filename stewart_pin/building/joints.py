@@ -106,17 +106,19 @@ def _changed(mechanism: Mechanism, chain: ClosedChain, name: str, kind: str, val
     for loop in mechanism.loops:
         own = loop_coordinates(loop.kind)
         names = [loop.name] if len(own) == 1 else [f"{loop.name} {said}" for said in own]
-        if name not in names:
-            continue
-        if kind == "effort":
-            raise InputError(f"{owner}: joint '{loop.name}' closes a loop, and no motor drives it")
-        ball = loop.kind is JointKind.SPHERICAL
-        span = (-inf, _cone(owner, kind, value)) if ball else _span(owner, value)
-        return _with_loop(mechanism, loop, names.index(name), kind, span)
+        if name in names:
+            return _with_loop(mechanism, loop, names.index(name), kind, _loop_span(loop, owner, kind, value))
     taken = [*(joint.name for joint in mechanism.joints if joint.has_axis), *chain.limits.names[chain.nv :]]
     raise InputError(
         f"limits name {name!r}, which has no coordinate to limit; those that have: {', '.join(taken)}"
     )
+
+
+def _loop_span(loop: Loop, owner: str, kind: str, value: Any) -> Span:
+    """Read a limit of a joint that closes a loop."""
+    if kind == "effort":
+        raise InputError(f"{owner}: joint '{loop.name}' closes a loop, and no motor drives it")
+    return (-inf, _cone(owner, kind, value)) if loop.kind is JointKind.SPHERICAL else _span(owner, value)
 
 
 def _with_joint(mechanism: Mechanism, changed: Joint) -> Mechanism:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -49,17 +50,84 @@ def inspect(
     sizes = {"nq": chain.nq, "nv": chain.nv, "nu": chain.nu, "nc": chain.nc}
     table = Table(title=chain.name, show_header=False)
     table.add_row("sizes", ", ".join(f"{name} {value}" for name, value in sizes.items()))
-    table.add_row("links", ", ".join(link.name for link in chain.mechanism.links))
-    table.add_row("joints", ", ".join(f"{joint.name}: {joint.kind}" for joint in chain.mechanism.joints))
-    drives, links = motor_candidates(chain.mechanism), platform_candidates(chain.mechanism)
-    table.add_row("motors", ", ".join(chain.motors) or f"none; candidates, best guess first: {_few(drives)}")
-    table.add_row("platform", chain.platform or f"none; candidates, best guess first: {_few(links)}")
-    table.add_row(
-        "loops", "\n".join(f"{x.name}: {x.kind}, {x.link1} to {x.link2}" for x in chain.loops) or "none"
-    )
-    couplings = [f"{x.name}: {x.joint1} follows {x.joint2 or 'none'}" for x in chain.couplings]
-    table.add_row("couplings", "\n".join(couplings) or "none")
+    _add_parts(table, chain.mechanism, {})
+    _add_roles(table, chain.mechanism, chain.motors, chain.platform)
     table.add_row("limits", str(chain.limits))
+    _add_mobility(table, report)
+    table.add_row("file", str(chain.report))
+    console.print(table)
+    if plot is not None:
+        save_figure(plot_chain(chain), plot)
+        console.print(f"robot drawn in {plot}", highlight=False, soft_wrap=True)
+    roles = {"motors": chain.motors, "platform": chain.platform, **_candidates(chain.mechanism)}
+    figures = {"robot": chain.name, **sizes, **roles, "mobility": asdict(report)}
+    write_json(json, figures | {"notes": [asdict(note) for note in chain.mechanism.notes]})
+
+
+def _show_what_is_there(mechanism: Mechanism, json: Path | None, plot: Path | None) -> None:
+    """Show what was read of a file that makes no chain; the error follows."""
+    rows = {loop.name: len(closure_rows(loop)) for loop in mechanism.loops}
+    free = sum(_FREEDOMS.get(joint.kind, 0) for joint in mechanism.joints)
+    count = free - sum(rows.values()) - len(mechanism.couplings)
+    motors = tuple(joint.name for joint in mechanism.joints if joint.independent)
+    table = Table(title=f"{mechanism.name}: cannot be used as it is", show_header=False)
+    _add_parts(table, mechanism, rows)
+    table.add_row("freedoms by count", f"{count}: {free} of joints less rows; planar loops repeat some")
+    _add_roles(table, mechanism, motors, mechanism.platform)
+    table.add_row("file", str(Report(mechanism.notes)))
+    console.print(table)
+    if plot is not None:
+        _draw_as_told(mechanism, plot)
+    figures = {
+        "robot": mechanism.name,
+        "links": [link.name for link in mechanism.links],
+        "joints": {joint.name: str(joint.kind) for joint in mechanism.joints},
+        "loops": rows,
+        "freedoms_by_count": count,
+        **_candidates(mechanism),
+        "notes": [asdict(note) for note in mechanism.notes],
+    }
+    write_json(json, figures)
+
+
+def _draw_as_told(mechanism: Mechanism, plot: Path) -> None:
+    """Draw a mechanism with all joints at zero, its loops perhaps open."""
+    try:
+        picture = plot_chain(open_chain(mechanism))
+    except MechanismError:  # the error that follows says why nothing stands where
+        console.print("no picture: it is no tree with loops", highlight=False)
+    else:
+        save_figure(picture, plot)
+        console.print(f"robot drawn with all joints at zero in {plot}", highlight=False, soft_wrap=True)
+
+
+def _candidates(mechanism: Mechanism) -> dict[str, tuple[str, ...]]:
+    return {
+        "motor_candidates": motor_candidates(mechanism),
+        "platform_candidates": platform_candidates(mechanism),
+    }
+
+
+def _add_parts(table: Table, mechanism: Mechanism, rows: Mapping[str, int]) -> None:
+    """Add links, joints, loops, with the number of their rows where it is given, and couplings."""
+    table.add_row("links", ", ".join(link.name for link in mechanism.links))
+    table.add_row("joints", ", ".join(f"{joint.name}: {joint.kind}" for joint in mechanism.joints))
+    counted = {name: f", {number} rows" for name, number in rows.items()}
+    told = [f"{x.name}: {x.kind}, {x.link1} to {x.link2}{counted.get(x.name, '')}" for x in mechanism.loops]
+    table.add_row("loops", "\n".join(told) or "none")
+    couplings = [f"{x.name}: {x.joint1} follows {x.joint2 or 'none'}" for x in mechanism.couplings]
+    table.add_row("couplings", "\n".join(couplings) or "none")
+
+
+def _add_roles(table: Table, mechanism: Mechanism, motors: Sequence[str], platform: str | None) -> None:
+    """Add motors and platform, or who may be."""
+    drives, links = motor_candidates(mechanism), platform_candidates(mechanism)
+    table.add_row("motors", ", ".join(motors) or f"none; candidates, best guess first: {_few(drives)}")
+    table.add_row("platform", platform or f"none; candidates, best guess first: {_few(links)}")
+
+
+def _add_mobility(table: Table, report: Mobility) -> None:
+    """Add freedoms, and what motors hold of them."""
     table.add_row("degrees of freedom", f"{report.dof}, {_seen(report)}")
     table.add_row("home singular", _home(report))
     table.add_row("idle freedoms", "\n".join(report.idle) or "none")
@@ -70,64 +138,8 @@ def inspect(
         table.add_row("motors that would do", ", ".join(report.suggestion) or "none of one freedom")
     if report.surplus_motors:
         sets = report.spare_motors
-        listed = "; ".join(", ".join(names) for names in sets[:_SHOWN])
-        table.add_row(
-            "could be left out", listed + (f"; and {len(sets) - _SHOWN} more" if len(sets) > _SHOWN else "")
-        )
-    table.add_row("file", str(chain.report))
-    console.print(table)
-    notes = [asdict(note) for note in chain.mechanism.notes]
-    roles = {
-        "motors": chain.motors,
-        "platform": chain.platform,
-        "motor_candidates": drives,
-        "platform_candidates": links,
-    }
-    if plot is not None:
-        save_figure(plot_chain(chain), plot)
-        console.print(f"robot drawn in {plot}", highlight=False, soft_wrap=True)
-    write_json(json, {"robot": chain.name, **sizes, **roles, "mobility": asdict(report), "notes": notes})
-
-
-def _show_what_is_there(mechanism: Mechanism, json: Path | None, plot: Path | None) -> None:
-    """Show what was read of a file that makes no chain; the error follows."""
-    drives, links = motor_candidates(mechanism), platform_candidates(mechanism)
-    rows = {loop.name: len(closure_rows(loop)) for loop in mechanism.loops}
-    free = sum(_FREEDOMS.get(joint.kind, 0) for joint in mechanism.joints)
-    count = free - sum(rows.values()) - len(mechanism.couplings)
-    table = Table(title=f"{mechanism.name}: cannot be used as it is", show_header=False)
-    table.add_row("links", ", ".join(link.name for link in mechanism.links))
-    table.add_row("joints", ", ".join(f"{joint.name}: {joint.kind}" for joint in mechanism.joints))
-    told = [f"{x.name}: {x.kind}, {x.link1} to {x.link2}, {rows[x.name]} rows" for x in mechanism.loops]
-    table.add_row("loops", "\n".join(told) or "none")
-    couplings = [f"{x.name}: {x.joint1} follows {x.joint2 or 'none'}" for x in mechanism.couplings]
-    table.add_row("couplings", "\n".join(couplings) or "none")
-    table.add_row("freedoms by count", f"{count}: {free} of joints less rows; planar loops repeat some")
-    table.add_row(
-        "motors", ", ".join(x.name for x in mechanism.joints if x.independent) or f"none; {_few(drives)}"
-    )
-    table.add_row("platform", mechanism.platform or f"none; candidates, best guess first: {_few(links)}")
-    table.add_row("file", str(Report(mechanism.notes)))
-    console.print(table)
-    if plot is not None:
-        try:
-            picture = plot_chain(open_chain(mechanism))
-        except MechanismError:  # the error that follows says why nothing stands where
-            console.print("no picture: it is no tree with loops", highlight=False)
-        else:
-            save_figure(picture, plot)
-            console.print(f"robot drawn with all joints at zero in {plot}", highlight=False, soft_wrap=True)
-    figures = {
-        "robot": mechanism.name,
-        "links": [link.name for link in mechanism.links],
-        "joints": {joint.name: str(joint.kind) for joint in mechanism.joints},
-        "loops": rows,
-        "freedoms_by_count": count,
-        "motor_candidates": drives,
-        "platform_candidates": links,
-        "notes": [asdict(note) for note in mechanism.notes],
-    }
-    write_json(json, figures)
+        more = f"; and {len(sets) - _SHOWN} more" if len(sets) > _SHOWN else ""
+        table.add_row("could be left out", "; ".join(", ".join(names) for names in sets[:_SHOWN]) + more)
 
 
 def _few(names: tuple[str, ...]) -> str:

@@ -154,12 +154,18 @@ def _suggest(
         if best is None:
             return ()
         chosen.append(best)
+    chosen = _needed(rows, chosen, platform)
+    added = [name for name in rows if name in chosen and name not in given]
+    return (*(name for name in given if name in chosen), *added)
+
+
+def _needed(rows: Mapping[str, FloatArray], chosen: list[str], platform: FloatArray) -> list[str]:
+    """Leave out motors that the others make needless, the last first."""
     for name in reversed(chosen.copy()):
         others = [other for other in chosen if other != name]
         if np.linalg.norm(platform @ _left(rows, others, platform)) <= TAKES_PART:
             chosen = others
-    added = [name for name in rows if name in chosen and name not in given]
-    return (*(name for name in given if name in chosen), *added)
+    return chosen
 
 
 def _strongest(strength: Mapping[str, float], alike: set[str]) -> str | None:

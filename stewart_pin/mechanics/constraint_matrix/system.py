@@ -271,6 +271,12 @@ def assemble(
         inertias.append(scipy.sparse.coo_array(inertia))  # block_diag of dense arrays warns (SciPy >= 1.18)
         forces.append(-inertia @ gravity + cross_force(motion.twist, inertia @ motion.twist))
 
+    def driving(blocks: _Blocks, name: str, kind: str, joint: str, entry: int, demand: float) -> None:
+        at = layout.compound(joint)
+        compound = layout.tree[at]
+        columns = effort_column(freedoms[at], entry, demand)
+        blocks.add(name, kind, number[compound.predecessor], number[compound.successor], columns)
+
     blocks = _Blocks()
     blocks.add("ground", "ground", None, 0, Columns(np.eye(6), np.zeros(6)))
     freedoms = tuple(compound_freedoms(compound, joints) for compound in layout.tree)
@@ -291,20 +297,12 @@ def assemble(
         parts = coupling_parts(chain, coupling, layout, freedoms, number, q, v)
         blocks.add_parts(coupling.name, "coupling", parts)
     for motor, entry in zip(chain.motors, chain.motor_index, strict=True):
-        at = layout.compound(motor)
-        compound = layout.tree[at]
-        columns = effort_column(freedoms[at], entry, float(a[entry]))
-        blocks.add(
-            f"motor {motor}", "motor", number[compound.predecessor], number[compound.successor], columns
-        )
+        driving(blocks, f"motor {motor}", "motor", motor, entry, float(a[entry]))
     inertia, force = scipy.sparse.block_diag(inertias, format="csc"), np.concatenate(forces)
-    turning = _Blocks()
-    for name, entry, _ in rotors:
-        at = layout.compound(name)
-        compound = layout.tree[at]
-        columns = effort_column(freedoms[at], entry, 0.0)
-        turning.add(name, "rotor", number[compound.predecessor], number[compound.successor], columns)
     if rotors:
+        turning = _Blocks()
+        for name, entry, _ in rotors:
+            driving(turning, name, "rotor", name, entry, 0.0)
         pairs, own = turning.matrix(force.size), np.array([amount for _, _, amount in rotors])
         inertia = inertia + pairs @ scipy.sparse.diags_array(own) @ pairs.T
         force = force - pairs @ (own * np.concatenate(turning.demands))
