@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ import pinocchio as pin
 from stewart_pin.building.joints import require_no_rotors, with_rotors_of
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import Mechanism, Note, Report
-from stewart_pin.model.formats.dialect import dialects
+from stewart_pin.model.formats.dialect import dialects, side_car_suffixes
 from stewart_pin.model.formats.mjcf.writing import write_mjcf_file
 from stewart_pin.model.formats.sdf.writing import write_sdf
 from stewart_pin.model.tree import build_tree
@@ -62,7 +63,7 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> Re
     chain
         Closed chain.
     path
-        File to create or overwrite.
+        File to create or overwrite: it is written whole, or what was there stays.
     format
         - ``"urdf+"``: all that a chain can hold, read back the same. Other readers of URDF see the spanning tree.
         - ``"drake"``: URDF with Drake's ball constraints and joints, which Drake opens with its loops. Spherical loops.
@@ -84,7 +85,7 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> Re
     Raises
     ------
     InputError
-        If the format is unknown, or the file cannot be written.
+        If the format is unknown, or the file cannot be written; says why, and what to do.
     UnsupportedError
         If the format cannot express the chain; names the link, joint, loop or motor at fault.
     """
@@ -96,6 +97,13 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> Re
     if format not in writers:
         raise InputError(f"format must be one of {', '.join(sorted(writers))}, got {format!r}")
     require_no_rotors(chain, "the file")
+    if not isinstance(path, str | os.PathLike) or not Path(path).name:
+        raise InputError(f"path must name a file, got {path!r}")
+    if Path(path).suffix.lower() in side_car_suffixes():
+        raise InputError(
+            f"path: {str(path)!r} ends as a file beside a URDF does; give the URDF's name, as "
+            f"{Path(path).with_suffix('.urdf').name!r}"
+        )
     try:
         return Report(writers[format](chain, Path(path)))
     except OSError as error:

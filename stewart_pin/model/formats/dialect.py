@@ -1,12 +1,16 @@
 """What a loop dialect of URDF is: the tags it claims, how they are read, and how a mechanism is written in it.
 
-Two things that dialects share stand below: files beside a URDF that declare its loops, and frames that a file names.
+Three things that dialects share stand below: how files are written, files beside a URDF that declare its loops, and
+frames that a file names.
 """
 
 from __future__ import annotations
 
 import importlib
+import os
 import pkgutil
+import stat
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -15,7 +19,7 @@ from pathlib import Path
 import pinocchio as pin
 from lxml import etree
 
-from stewart_pin.errors import FileFormatError, UnsupportedError
+from stewart_pin.errors import FileFormatError, InputError, UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.unfolding import Unfolded
@@ -177,6 +181,72 @@ def found_notes(parts: Parts, title: str) -> tuple[Note, ...]:
     names = [f"loop '{loop.name}'" for loop in parts.loops]
     names += [f"coupling '{coupling.name}'" for coupling in parts.couplings]
     return tuple(Note(name, f"read as {title}", Outcome.KEPT) for name in names)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Files of any format, written whole or not at all
+# ----------------------------------------------------------------------------------------------------
+
+
+def write_files(contents: Mapping[Path, etree._Element | str]) -> None:
+    """Write files whole or not at all: each is written beside its place first, and put there when all are complete.
+
+    What a link points to is replaced, and the link stays; of a file with several names, this one gets the new content.
+
+    Parameters
+    ----------
+    contents
+        Root element, or text, of each file; they are put in place in this order.
+
+    Raises
+    ------
+    InputError
+        If a file has no place there.
+    OSError
+        If a disk is full, or fails; what was there before is still there, or, of several files, the later ones.
+    """
+    ready: dict[Path, Path] = {}
+    try:
+        for path, content in contents.items():
+            place = _place(path)
+            whole = (
+                content.encode()
+                if isinstance(content, str)
+                else etree.tostring(content, pretty_print=True, xml_declaration=True, encoding="utf-8")
+            )
+            written = place.with_name(f".{place.name[:100]}.{os.getpid()}.{threading.get_ident()}.part")
+            ready[written] = place
+            # Opened by name, so that the system takes its mask of permissions into account.
+            with written.open("wb") as file:
+                file.write(whole)
+                file.flush()
+                os.fsync(file.fileno())
+            if place.exists():
+                written.chmod(stat.S_IMODE(place.stat().st_mode))
+        for written, place in ready.items():
+            written.replace(place)
+    finally:
+        for written in ready:
+            written.unlink(missing_ok=True)
+
+
+def _place(path: Path) -> Path:
+    """Find where a file is to stand, or say why it cannot."""
+    place = Path(os.path.realpath(path))
+    fault = ""
+    if place.is_dir():
+        fault = "it is a folder; give the name of a file in it"
+    elif not place.parent.is_dir():
+        fault = f"the folder '{place.parent}' does not exist; make it first"
+    elif place.exists() and not place.is_file():
+        fault = "it is no plain file; write a file, and copy it there"
+    elif place.exists() and not os.access(place, os.W_OK):
+        fault = "the file is write-protected; allow writing, or choose another name"
+    elif not os.access(place.parent, os.W_OK):
+        fault = f"nothing may be written into the folder '{place.parent}'; choose another one"
+    if fault:
+        raise InputError(f"path: cannot write {str(path)!r}: {fault}")
+    return place
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -137,7 +137,14 @@ def read_urdf(path: Path, *, loops: Path | None = None) -> Mechanism:
     """
     reader = _UrdfReader(path)
     mechanism = reader.read()
-    side_car = find_beside(path) if loops is None and reader.root.get(COMPLETE[0]) is None else loops
+    is_complete = reader.root.get(COMPLETE[0]) is not None
+    if is_complete and loops is not None:
+        raise reader.error(
+            f"<robot {COMPLETE[0]}='{COMPLETE[1]}'> has all its loops, and {loops.name} would add them again; load the "
+            f"URDF alone, or take the attribute '{COMPLETE[0]}' off",
+            "<robot>",
+        )
+    side_car = find_beside(path) if loops is None and not is_complete else loops
     if side_car is not None:
         mechanism = add_side_car(mechanism, side_car)
     for dialect in dialects():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeGuard
 
@@ -12,7 +13,7 @@ from lxml import etree
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
 from stewart_pin.geometry.rotations import rpy_from_rotation
 from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Mechanism, Note, Outcome
-from stewart_pin.model.formats.dialect import COMPLETE, find_beside
+from stewart_pin.model.formats.dialect import COMPLETE, find_beside, write_files
 from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES, SIZE_ATTRIBUTES
 from stewart_pin.model.formats.xml import UNLIMITED, number_text
 from stewart_pin.model.shapes import Material, MaterialNames, Shape, ShapeKind, path_from, rounded_as_three
@@ -182,7 +183,9 @@ def tree_element(
     return robot, tuple(shapes.notes)
 
 
-def save(robot: etree._Element, mechanism: Mechanism, path: Path, *, has_side_car: bool = False) -> None:
+def save(
+    robot: etree._Element, mechanism: Mechanism, path: Path, *, side_car: Mapping[Path, str] | None = None
+) -> tuple[Note, ...]:
     """Add platform, home, unusual gravity and names of odd inertias to a robot, and write the file.
 
     Parameters
@@ -193,11 +196,21 @@ def save(robot: etree._Element, mechanism: Mechanism, path: Path, *, has_side_ca
         What it describes.
     path
         File to create or overwrite.
-    has_side_car
-        Whether a file beside it is to declare its loops; one that lies there already is passed by otherwise.
+    side_car
+        Text of the file beside it that declares its loops; None: there is none, and one that lies there already is
+        passed by.
+
+    Returns
+    -------
+    tuple of Note
+        Which file lies there and is passed by.
     """
-    if not has_side_car and find_beside(path) is not None:
+    notes: tuple[Note, ...] = ()
+    stale = find_beside(path) if side_car is None else None
+    if stale is not None:
         robot.set(*COMPLETE)
+        text = "declares loops of another file; load passes it by, other software may not: remove it"
+        notes = (Note(f"file '{stale.name}' beside it", text),)
     if mechanism.platform not in (None, "platform"):
         etree.SubElement(robot, "end_effector", name="platform", parent_link=mechanism.platform, group="all")
     if mechanism.home:
@@ -211,7 +224,9 @@ def save(robot: etree._Element, mechanism: Mechanism, path: Path, *, has_side_ca
     for link in mechanism.links:
         if link.name in mechanism.odd_inertias and link.inertia is not None:
             etree.SubElement(robot, "odd_inertia", link=link.name)
-    path.write_bytes(etree.tostring(robot, pretty_print=True, xml_declaration=True, encoding="utf-8"))
+    # The side-car first: where only one gets there, it names frames that the old URDF lacks, which is an error.
+    write_files({**(side_car or {}), path: robot})
+    return notes
 
 
 def _write_link(robot: etree._Element, link: Link) -> None:

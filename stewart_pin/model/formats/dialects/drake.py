@@ -159,8 +159,7 @@ def write_drake(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     for joint in mechanism.joints:
         if joint.independent:
             _write_transmission(robot, joint)
-    save(robot, mechanism, path)
-    return notes
+    return (*notes, *save(robot, mechanism, path))
 
 
 def _fix_to_world(robot: etree._Element, mechanism: Mechanism) -> None:

@@ -219,7 +219,6 @@ def write_gepetto(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     )
     robot, notes = tree_element(replace(tree, joints=plain), path)
     write_mimics(robot, mechanism, "gepetto")
-    save(robot, mechanism, path, has_side_car=True)
     lists = {
         "closed_loop": pairs,
         "type": [kinds[loop.kind] for loop in mechanism.loops],
@@ -229,8 +228,7 @@ def write_gepetto(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     }
     # JSON's lists and strings are YAML's, and quoted, so that names like "on" stay names.
     text = "".join(f"{key}: {json.dumps(value, ensure_ascii=False)}\n" for key, value in lists.items())
-    path.with_suffix(".yaml").write_text(text, encoding="utf-8")
-    return notes
+    return (*notes, *save(robot, mechanism, path, side_car={path.with_suffix(".yaml"): text}))
 
 
 def _with_frame(mechanism: Mechanism, name: str, link: str, placement: pin.SE3) -> Mechanism:

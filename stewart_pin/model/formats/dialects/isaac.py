@@ -132,8 +132,7 @@ def write_isaac(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
             ("link2", loop.link2, loop.placement2),
         ):
             etree.SubElement(element, tag, {"link": link, **pose_attributes(placement)})
-    save(robot, mechanism, path)
-    return notes
+    return (*notes, *save(robot, mechanism, path))
 
 
 DIALECT = Dialect("isaac", "Isaac <loop_joint>", {"robot/loop_joint": _read}, write=write_isaac)

@@ -170,8 +170,7 @@ def write_urdf_plus(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
         _write_loop(robot, loop)
     for coupling in mechanism.couplings:
         _write_coupling(robot, mechanism, coupling)
-    save(robot, mechanism, path)
-    return notes
+    return (*notes, *save(robot, mechanism, path))
 
 
 def _write_coupling(robot: etree._Element, mechanism: Mechanism, coupling: Coupling) -> None:

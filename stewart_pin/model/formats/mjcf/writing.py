@@ -28,6 +28,7 @@ from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
+from stewart_pin.model.formats.dialect import write_files
 from stewart_pin.model.formats.mjcf.bodies import Body, place, plan_bodies, quaternion_text
 from stewart_pin.model.formats.mjcf.compiling import ASSEMBLED, HOME, PLATFORM, SPEED
 from stewart_pin.model.formats.mjcf.shapes import MjcfShapes
@@ -227,7 +228,7 @@ def write_mjcf_file(
     """
     writer = _MjcfWriter(mechanism, motors, path.resolve().parent)
     root = writer.write(np.asarray(gravity, dtype=float))
-    path.write_bytes(etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="utf-8"))
+    write_files({path: root})
     return (*writer.notes, *writer.shapes.notes)
 
 

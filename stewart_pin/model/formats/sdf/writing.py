@@ -36,6 +36,7 @@ from stewart_pin.model.description import (
     Outcome,
     loop_coordinates,
 )
+from stewart_pin.model.formats.dialect import write_files
 from stewart_pin.model.formats.sdf.elements import OWN, OWN_LIMIT, OWN_PREFIX, SPANS, own
 from stewart_pin.model.formats.sdf.frames import WORLD, coordinates_between, motion
 from stewart_pin.model.formats.xml import number_text
@@ -79,9 +80,7 @@ def write_sdf(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
         If SDFormat cannot express a joint, a loop or a coupling; names it and the remedy.
     """
     writer = _SdfWriter(mechanism, path.resolve().parent)
-    path.write_bytes(
-        etree.tostring(writer.write(), pretty_print=True, xml_declaration=True, encoding="utf-8")
-    )
+    write_files({path: writer.write()})
     return tuple(writer.notes)
 
 
