@@ -14,7 +14,7 @@ from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import as_configuration
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 from stewart_pin.viz.figures import new_figure
-from stewart_pin.viz.scene import body_points
+from stewart_pin.viz.scene import body_points, hinge_reach, off_centre
 
 _ACROSS = 4
 """Panels in a row."""
@@ -120,11 +120,13 @@ def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> N
 
 
 def _draw_joints(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
+    reach = hinge_reach(chain)
     for joint in chain.mechanism.joints:
         if joint.kind in (JointKind.FLOATING, JointKind.FIXED):
             continue
-        start = frames[joint.parent].act(joint.placement.translation)
-        end = frames[joint.child].translation
+        mark = off_centre(joint, reach)
+        start = frames[joint.parent].act(joint.placement.act(mark))
+        end = frames[joint.child].act(mark)
         driven = joint.name in chain.motors
         colour, label = (_MOTOR, "motor") if driven else (_BODY, "joint")
         axis.plot(*np.array([start, end]).T, color=colour, linewidth=3.0)
@@ -141,11 +143,13 @@ def _draw_joints(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> N
 
 
 def _draw_loops(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
+    reach = hinge_reach(chain)
     for loop in chain.loops:
+        mark = off_centre(loop, reach)
         ends = np.array(
             [
-                frames[loop.link1].act(loop.placement1.translation),
-                frames[loop.link2].act(loop.placement2.translation),
+                frames[loop.link1].act(loop.placement1.act(mark)),
+                frames[loop.link2].act(loop.placement2.act(mark)),
             ]
         )
         axis.plot(*ends.T, "D:", color=_LOOP, markersize=4, linewidth=1.2, label="loop")

@@ -18,7 +18,7 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import FileFormatError, FileMissingError, MissingExtraError
-from stewart_pin.model.description import Joint, JointKind
+from stewart_pin.model.description import Joint, JointKind, Loop
 from stewart_pin.model.formats.xml import read_xml
 from stewart_pin.model.tree import link_frame
 from stewart_pin.state.chain import ClosedChain
@@ -38,6 +38,9 @@ _SAME = 1e-6
 def body_points(chain: ClosedChain) -> dict[str, FloatArray]:
     """Collect the points of every link.
 
+    Where all joints meet in one point, as those of a spherical linkage, hinges hold the bodies along their axes, at
+    `hinge_reach` from there.
+
     Parameters
     ----------
     chain
@@ -48,23 +51,65 @@ def body_points(chain: ClosedChain) -> dict[str, FloatArray]:
     dict
         ``{link: (n, 3) points in the link frame [m]}``, each point once.
     """
-    points: dict[str, list[FloatArray]] = {link.name: [] for link in chain.mechanism.links}
-    idle = [joint for joint in chain.mechanism.joints if _holds_nothing(chain, joint)]
+    points = _held_points(chain, hinge_reach(chain))
+    same = _SAME * chain.length_scale
+    # A flange is the only far end that a last link has; a payload is no corner of a platform.
     for joint in chain.mechanism.joints:
-        if any(joint is other for other in idle):
+        if _holds_nothing(chain, joint):
             points[joint.child].append(np.zeros(3))
-        elif joint.kind is not JointKind.FLOATING:  # which holds nothing together
-            points[joint.parent].append(np.array(joint.placement.translation))
-            points[joint.child].append(np.zeros(3))
+            if len(_distinct(points[joint.parent], same)) < 2:
+                points[joint.parent].append(np.array(joint.placement.translation))
+    return {link: _distinct(found, same) for link, found in points.items()}
+
+
+def hinge_reach(chain: ClosedChain) -> float:
+    """Tell how far from their frames hinges are drawn, along their axes.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    float
+        Zero; the size of the robot where every body that several joints or loops hold is held at one point [m].
+    """
+    held = [points for points in _held_points(chain, 0.0).values() if len(points) > 1]
+    same = _SAME * chain.length_scale
+    return chain.length_scale if held and all(len(_distinct(points, same)) == 1 for points in held) else 0.0
+
+
+def off_centre(joint: Joint | Loop, reach: float) -> FloatArray:
+    """Place the mark of a joint or loop in its own frame.
+
+    Parameters
+    ----------
+    joint
+        Joint or loop.
+    reach
+        What `hinge_reach` says [m].
+
+    Returns
+    -------
+    numpy.ndarray
+        (3,) point [m].
+    """
+    return reach * np.asarray(joint.axis) if joint.kind is JointKind.REVOLUTE else np.zeros(3)
+
+
+def _held_points(chain: ClosedChain, reach: float) -> dict[str, list[FloatArray]]:
+    """Collect where joints and loops hold each link to others, hinges off centre."""
+    points: dict[str, list[FloatArray]] = {link.name: [] for link in chain.mechanism.links}
+    for joint in chain.mechanism.joints:
+        # A free body is held by nothing.
+        if joint.kind is not JointKind.FLOATING and not _holds_nothing(chain, joint):
+            points[joint.parent].append(np.array(joint.placement.act(off_centre(joint, reach))))
+            points[joint.child].append(off_centre(joint, reach))
     for loop in chain.loops:
-        points[loop.link1].append(np.array(loop.placement1.translation))
-        points[loop.link2].append(np.array(loop.placement2.translation))
-    for (
-        joint
-    ) in idle:  # a flange is the only far end that a last link has; a payload is no corner of a platform
-        if len(_distinct(points[joint.parent], _SAME * chain.length_scale)) < 2:
-            points[joint.parent].append(np.array(joint.placement.translation))
-    return {link: _distinct(found, _SAME * chain.length_scale) for link, found in points.items()}
+        points[loop.link1].append(np.array(loop.placement1.act(off_centre(loop, reach))))
+        points[loop.link2].append(np.array(loop.placement2.act(off_centre(loop, reach))))
+    return points
 
 
 def _holds_nothing(chain: ClosedChain, joint: Joint) -> bool:

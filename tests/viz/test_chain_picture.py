@@ -11,6 +11,7 @@ from stewart_pin.errors import InputError
 from stewart_pin.model.description import JointKind
 from tests.closed_states import robot
 from tests.mechanisms import two_bodies
+from tests.zoo.table import ROBOTS
 
 
 def lines(figure, label: str) -> list[np.ndarray]:
@@ -51,9 +52,22 @@ def test_open_loops_show(rng: np.random.Generator) -> None:
 
 
 def test_any_chain_can_be_drawn(rng: np.random.Generator) -> None:
-    for name in stp.robots():
+    for name in ROBOTS:
         assert stp.viz.plot_chain(robot(name)).axes[0].get_title() == name
     stp.viz.plot_chain(two_bodies(JointKind.DISTANCE, rng))
+
+
+@pytest.mark.parametrize("name", ["agile_eye", "spherical_4r"])
+def test_a_linkage_about_one_point_is_drawn_out_along_its_axes(name: str) -> None:
+    """All joints stand at one point: every hinge is marked one robot size from there, on its axis."""
+    chain = robot(name)
+    size = chain.length_scale
+    figure = stp.viz.plot_chain(chain)
+    for label in ("motor", "joint", "loop"):
+        marks = np.array([line[0] for line in lines(figure, label)])
+        np.testing.assert_allclose(np.linalg.norm(marks, axis=1), size, rtol=1e-9)
+    bodies = lines(figure, "body")
+    assert len(bodies) > 1 and all(np.ptp(body, axis=0).max() > 0.1 * size for body in bodies)
 
 
 def test_a_wrong_configuration_is_refused() -> None:
