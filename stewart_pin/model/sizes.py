@@ -63,8 +63,8 @@ def length_scale(mechanism: Mechanism, platform: str | None = None, *, digits: f
     float
         The largest distance of a joint's place from the middle of the places on one body, or half the largest offset
         along an axis; where all joints meet in a point or slide, half the longest stated stroke that bodies of their
-        size may have, else the same for the frames of the file, else for centres of mass; 1 where there is no length at
-        all [m].
+        size may have, else how far a centre of mass is from where the axes on its body meet, else the same for the
+        frames of the file, else for centres of mass; 1 where there is no length at all [m].
     """
     bodies = _bodies(mechanism)
     drawn = _largest_drawn(mechanism, bodies)
@@ -72,6 +72,7 @@ def length_scale(mechanism: Mechanism, platform: str | None = None, *, digits: f
     told = [
         max(_largest_radius(places), _largest_offset(mechanism, bodies, places)),
         _longest_stroke(mechanism, drawn),
+        _farthest_mass_from_middle(mechanism, bodies, places),
         drawn,
         _farthest_mass(mechanism),
     ]
@@ -259,6 +260,24 @@ def _widest_body(mechanism: Mechanism) -> float:
     inertias = [link.inertia for link in mechanism.links if link.inertia is not None]
     radii = [np.abs(np.diag(body.inertia)).max() / body.mass for body in inertias if body.mass > 0]
     return float(np.sqrt(max(radii, default=0.0)))
+
+
+def _farthest_mass_from_middle(
+    mechanism: Mechanism, bodies: _Bodies, places: dict[str, list[_Place]]
+) -> float:
+    """Largest distance of a centre of mass from where the axes on its body meet, of bodies on which they do."""
+    largest = 0.0
+    for link in mechanism.links:
+        body, at = bodies[link.name]
+        if link.inertia is None or not places.get(body):
+            continue
+        points, axes = _arrays(places[body])
+        directions = np.linalg.svd(axes, compute_uv=False)
+        if axes.any(axis=1).all() and directions[1:2].sum() <= _PARALLEL:
+            continue  # a line has no middle
+        middle, _ = _middle(points, axes)
+        largest = max(largest, float(np.linalg.norm(at.act(link.inertia.lever) - middle)))
+    return largest
 
 
 def _farthest_mass(mechanism: Mechanism) -> float:

@@ -14,7 +14,17 @@ from stewart_pin.model.sizes import length_scale
 from tests.closed_states import robot
 from tests.mechanisms import turned
 
-ROBOTS = ("stewart", "stewart_cad", "delta", "four_bar", "five_bar", "hexapod_rss", "rpr_planar", "arm_7r")
+ROBOTS = (
+    "stewart",
+    "stewart_cad",
+    "delta",
+    "four_bar",
+    "five_bar",
+    "hexapod_rss",
+    "rpr_planar",
+    "arm_7r",
+    "agile_eye",
+)
 
 
 def size(chain: stp.ClosedChain, mechanism: Mechanism | None = None) -> float:

@@ -116,7 +116,9 @@ def control_by_a_point(t: Telling, c: Case) -> Answers:
     if not t.same_size:
         makers = makers[:1]  # what is left of a correction that the platform cannot do
     return {
-        make.__name__: t.motors(make(t.chain, reference, model="point_mass")(0.1, q, v)) for make in makers
+        # Nothing at all where the platform's origin stands still.
+        make.__name__: Sized(t.motors(make(t.chain, reference, model="point_mass")(0.1, q, v)), c.effort)
+        for make in makers
     }
 
 
