@@ -17,7 +17,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.model.description import LOOP_KINDS, JointKind
 from tests.mechanisms import gear_train, two_bodies
-from tests.zoo.table import ROWS, zoo_chain
+from tests.zoo.table import ROBOTS, ROWS, zoo_chain
 
 KINDS = (*(str(kind) for kind in LOOP_KINDS), "gear_train")
 """A mechanism per kind of closure, its frames and axes in general position; named after the kind."""
@@ -32,6 +32,10 @@ def slow_but_for_few(names: Iterable[str], few: Iterable[str] = FEW) -> list[Any
     """Parameters of a test: names, those beside the few marked as slow."""
     few = tuple(few)
     return [name if name in few else pytest.param(name, marks=pytest.mark.slow) for name in names]
+
+
+NAMES = slow_but_for_few(stp.robots(), ROBOTS)
+"""Every bundled robot; those with a row in the zoo slow."""
 
 
 @cache

@@ -269,7 +269,7 @@ def test_bad_input_of_any_chain_is_named(name: str, options: dict[str, Any], wor
 
 def test_kernels_change_nothing_of_grown_workspaces() -> None:
     """Slides and hinges of a size that is not one: condition numbers are those of motor_jacobian."""
-    chain = robot("translating_3upu")
+    chain = robot("tripod_3upu")
     found = stp.workspaces.sample_workspace(chain, LEVEL, spacing=0.5 * chain.length_scale, kernels=False)
     k = int(np.argmax(found.condition))
     pose = pin.SE3(LEVEL, found.position[k])

@@ -20,7 +20,7 @@ import numpy as np
 
 import stewart_pin as stp
 from tests.kernels.everywhere import COORDINATES, Mechanism, examine
-from tests.zoo.table import ZOO
+from tests.zoo.table import ROBOTS, ZOO
 
 COUNTS = ("states", "answered", "other", "refused", "bold", "missing", "wrong")
 WIDTHS = (8, 10, 7, 9, 6, 9, 7)
@@ -80,7 +80,7 @@ def main() -> None:
                 done[entry["name"]] = entry["rows"]
     heads = "".join(f"{count:>{width}s}" for count, width in zip(COUNTS, WIDTHS, strict=True))
     print(f"{'':36s}{heads}{'worst':>9s}{'undone':>9s}{'time [s]':>10s}")
-    for name in chosen.names or [*stp.robots(), *(row.name for row in ZOO)]:
+    for name in chosen.names or [*ROBOTS, *(row.name for row in ZOO)]:
         if name not in done:
             done[name] = measured(name, chosen.states, chosen.judged)
             with chosen.journal.open("a") as journal:

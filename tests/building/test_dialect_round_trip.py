@@ -16,6 +16,7 @@ from stewart_pin.model.description import AXIS_FREE_LOOPS, LOOP_KINDS, Coupling,
 from stewart_pin.model.formats.dialect import dialects
 from tests.mechanisms import four_bar, gear_train, two_bodies
 from tests.small_urdf import bundled, write
+from tests.zoo.table import ROBOTS
 
 WRITERS = {dialect.name for dialect in dialects() if dialect.write is not None}
 SAYABLE = {
@@ -43,7 +44,7 @@ def linear(chain: stp.ClosedChain) -> stp.ClosedChain:
 
 def zoo() -> dict[str, stp.ClosedChain]:
     rng = np.random.default_rng(5)
-    chains = {name: stp.load(name) for name in stp.robots()}
+    chains = {name: stp.load(name) for name in ROBOTS}
     chains |= {f"two bodies, {kind}": two_bodies(kind, rng) for kind in LOOP_KINDS}
     return chains | {
         "redundant ball": four_bar(),

@@ -11,6 +11,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import MechanismError
+from tests.closed_states import NAMES
 from tests.small_urdf import (
     ARM,
     AXIS_Z,
@@ -37,7 +38,7 @@ def assert_closed(chain: stp.ClosedChain) -> None:
     assert (chain.q_home >= lower).all() and (chain.q_home <= upper).all()
 
 
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", NAMES)
 def test_a_missing_home_is_found(name: str, tmp_path: Path) -> None:
     path = write(tmp_path, HOME.sub("", bundled(name).read_text()))
     chain = stp.load(path)
@@ -46,7 +47,7 @@ def test_a_missing_home_is_found(name: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(stp.load(path).q_home, chain.q_home)
 
 
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", NAMES)
 def test_a_home_of_few_digits_is_refined(name: str, tmp_path: Path) -> None:
     def shorten(match: re.Match) -> str:
         return 'value="' + " ".join(f"{float(word):.4g}" for word in match[1].split()) + '"'

@@ -14,7 +14,7 @@ from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError, MechanismError, UnsupportedError
 from stewart_pin.model.description import Coupling, JointKind
 from tests.building.test_round_trip import assert_same
-from tests.closed_states import close, random_configuration, random_motion, robot
+from tests.closed_states import NAMES, close, random_configuration, random_motion, robot
 from tests.mechanisms import gear_train, two_bodies
 
 
@@ -87,7 +87,7 @@ def require_same_motion(chain: stp.ClosedChain, joints: tuple[str, ...], rng: np
     assert error.max(initial=0.0) <= 1e-7 * max(1.0, np.abs(motion.a / scale).max(initial=0.0))
 
 
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", NAMES)
 def test_random_joints_of_every_robot(name: str, rng: np.random.Generator) -> None:
     chain = robot(name)
     moving = list(chain.model.names[1:])

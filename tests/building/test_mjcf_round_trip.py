@@ -11,6 +11,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism
+from tests.closed_states import NAMES
 from tests.mechanisms import gear_train
 
 mujoco = pytest.importorskip("mujoco")
@@ -88,7 +89,7 @@ def require_same_limits(chain: stp.ClosedChain, other: stp.ClosedChain) -> None:
             assert again.effort == joint.effort or joint.effort == 0
 
 
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", NAMES)
 def test_bundled_robots(name: str, rng: np.random.Generator, tmp_path: Path) -> None:
     chain = stp.load(name, gravity=(0.3, -0.2, -9.7))
     again = there_and_back(chain, tmp_path)

@@ -14,6 +14,7 @@ from stewart_pin.model.description import JointKind, Outcome
 from stewart_pin.model.formats.dialect import dialects
 from stewart_pin.model.formats.reading import read_mechanism
 from tests.building import cassie
+from tests.closed_states import NAMES
 from tests.model.test_published_robots import published
 from tests.small_sdf import joint as sdf_joint
 from tests.small_sdf import link as sdf_link
@@ -175,7 +176,7 @@ def test_cassie_survives_urdf(name: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(other.q_home, chain.q_home, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", NAMES)
 def test_robots_survive_mjcf_and_urdf(name: str, tmp_path: Path) -> None:
     """What MuJoCo has no word for is in the report; all else is there after MJCF, and after URDF from it."""
     chain = stp.load(name)

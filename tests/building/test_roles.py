@@ -11,7 +11,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import InputError, MechanismError
 from tests.building.test_round_trip import assert_same
-from tests.closed_states import close, random_configuration, random_motion, robot
+from tests.closed_states import NAMES, close, random_configuration, random_motion, robot
 
 PLACED = pin.SE3(pin.rpy.rpyToMatrix(0.3, -0.2, 0.5), np.array([0.05, -0.1, 0.2]))
 BOX = pin.Inertia(3.0, np.array([0.02, 0.01, -0.03]), np.diag([0.03, 0.04, 0.05]))
@@ -42,7 +42,7 @@ def test_bad_motors_are_named() -> None:
         stp.with_motors(robot("five_bar"), ["left_hip", "left_hip"])
 
 
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", NAMES)
 def test_a_frame_on_the_platform(name: str, rng: np.random.Generator) -> None:
     chain = robot(name)
     moved = stp.with_platform(chain, chain.platform, placement=PLACED, name="tool")

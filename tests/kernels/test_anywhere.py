@@ -12,6 +12,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.state.generic import regularity
 from tests.closed_states import robot
+from tests.zoo.table import ROBOTS
 
 REGULAR = 1e-2
 """Share of the usual regularity from which on a state must be answered; nearer to a singularity it may be refused."""
@@ -99,7 +100,7 @@ def compared_poses(name: str, count: int, seed: int) -> dict[str, int]:
 QUICK = ("four_bar", "stewart")
 ROBOTS = [
     pytest.param(name, marks=() if name in QUICK else pytest.mark.slow)
-    for name in stp.robots()
+    for name in ROBOTS
     if name != "arm_7r"  # seven motors for six freedoms: a motion within itself
 ]
 

@@ -25,9 +25,10 @@ from tests.closed_states import (
     slow_but_for_few,
 )
 from tests.kernels.platforms import motor_to_spare
+from tests.zoo.table import ROBOTS
 
 AGREE = 1e-10
-HELD = [name for name in stp.robots() if stp.mobility(robot(name)).motors_sufficient]
+HELD = [name for name in ROBOTS if stp.mobility(robot(name)).motors_sufficient]
 """Robots whose motors hold them: inverse dynamics and motor coordinates are for these."""
 ON_PLATFORM = [name for name in HELD if name != "arm_7r"]
 """Robots that the motion of their platform determines."""

@@ -8,12 +8,12 @@ import pytest
 
 import stewart_pin as stp
 from tests.kernels.everywhere import COORDINATES, Coordinates, Mechanism, examine
-from tests.zoo.table import REFUSED
+from tests.zoo.table import REFUSED, ROBOTS
 
 QUICK = ("planetary_gear", "lever_on_a_cylinder", "triple_rocker", "wedge", "five_bar", "door_on_two_hinges")
 SLOW = (
-    *(name for name in stp.robots() if name not in QUICK),
-    *("tricept", "tripod_3rps", "planar_3rrr", "five_bar_prrrp", "schoenflies_4puu", "exechon"),
+    *(name for name in ROBOTS if name not in QUICK),
+    *("tricept", "three_rps", "planar_3rrr", "five_bar_prrrp", "schoenflies_4puu", "exechon"),
     *("spherical_4r", "spherical_5r", "agile_eye", "cardan_shaft", "bevel_differential", "rssr", "rccc"),
     *("watt_six_bar", "stephenson_six_bar", "slider_crank", "scissor_lift", "screw_jack"),
     *("bennett", "goldberg_5r", "sarrus"),

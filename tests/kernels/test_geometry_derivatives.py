@@ -20,6 +20,7 @@ from tests import mechanisms
 from tests.closed_states import KINDS, close, robot, slow_but_for_few
 from tests.kernels.held_motions import HeldState, held_state, slope
 from tests.kernels.platforms import PLATFORMS
+from tests.zoo.table import ROBOTS
 
 VERBS = ("inverse_dynamics", "forward_dynamics")
 SMALL = ("arm_3r_planar", "four_bar")
@@ -33,7 +34,7 @@ CASES = [
         coordinates,
         marks=() if name in SMALL or (name, coordinates) == ("stewart", "platform") else pytest.mark.slow,
     )
-    for name in stp.robots()
+    for name in ROBOTS
     for coordinates in ("platform", "motor", "tree")
     if (name, coordinates) != ("arm_7r", "platform")  # its elbow may move while the tool rests
 ]

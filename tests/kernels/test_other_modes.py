@@ -55,7 +55,8 @@ def test_one_motion_serves_many_states_of_which_some_are_poor() -> None:
     """A scissor lift folds up to where its bars are in one line: two singularities there at once, and none beyond."""
     chain = robot("scissor_lift")
     kernels = stp.compile_kernels(chain, coordinates="motor")
-    place = np.array([*np.linspace(0.0, -0.59, 12), *np.linspace(-0.61, -1.1, 10)])[:, None]
+    feet = np.array([*np.linspace(0.8, 0.01, 12), *np.linspace(-0.01, -0.7, 10)])
+    place = (1.0 - feet)[:, None]
     status, conditioning = np.empty(len(place), dtype=np.int8), np.empty(len(place))
     tau = kernels.inverse_dynamics(
         place, np.zeros((1, 1)), np.zeros((1, 1)), status=status, conditioning=conditioning

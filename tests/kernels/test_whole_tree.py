@@ -28,6 +28,7 @@ from tests.closed_states import (
 )
 from tests.kernels.tied_platforms import carts, in_the_tree
 from tests.laws.conftest import Case, round_off_of_accelerations
+from tests.zoo.table import ROBOTS
 
 BUILDERS: dict[str, Callable[[np.random.Generator], stp.ClosedChain]] = {
     **{f"two bodies, {kind}": lambda rng, kind=kind: mechanisms.two_bodies(kind, rng) for kind in LOOP_KINDS},
@@ -38,7 +39,7 @@ BUILDERS: dict[str, Callable[[np.random.Generator], stp.ClosedChain]] = {
     "gears and threads": mechanisms.gear_train,
     "arm": lambda rng: mechanisms.arm(rng, 4),
     "six cranks, idle rods": lambda rng: mechanisms.rotary_hexapod(),
-    **{name: lambda rng, name=name: robot(name) for name in stp.robots()},
+    **{name: lambda rng, name=name: robot(name) for name in ROBOTS},
 }
 
 LARGE = {"stewart_sps", "stewart_cad", "stewart_s1", "delta", "hexapod_rss", "six cranks, idle rods"}

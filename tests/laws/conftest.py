@@ -19,7 +19,7 @@ from tests.closed_states import (
     robot,
     smallest_inertia,
 )
-from tests.zoo.table import ZOO
+from tests.zoo.table import ROBOTS, ZOO
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,7 @@ class Case:
     pose: str
 
 
-@pytest.fixture(
-    params=[*stp.robots(), *KINDS, *(pytest.param(row.name, marks=pytest.mark.slow) for row in ZOO)]
-)
+@pytest.fixture(params=[*ROBOTS, *KINDS, *(pytest.param(row.name, marks=pytest.mark.slow) for row in ZOO)])
 def chain(request: pytest.FixtureRequest) -> stp.ClosedChain:
     """Return each bundled robot, each kind of closure, and each mechanism of the zoo."""
     return robot(request.param)

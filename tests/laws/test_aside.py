@@ -15,6 +15,7 @@ from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import ActuationError, UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Link
 from tests.closed_states import (
+    NAMES,
     close,
     conditioning,
     random_configuration,
@@ -23,7 +24,7 @@ from tests.closed_states import (
     slow_but_for_few,
 )
 from tests.printed import half_unit, round_places, turned_frames
-from tests.zoo.table import zoo_chain
+from tests.zoo.table import ROBOTS, zoo_chain
 
 AWAY = (1.0, 100.0, 1000.0)
 DIRECTION = np.array([2.0, -2.0, 1.0]) / 3.0
@@ -46,7 +47,7 @@ def far(chain: stp.ClosedChain, away: float) -> stp.ClosedChain:
     return build_chain(moved, motors=chain.motors, platform=chain.platform, gravity=chain.gravity)
 
 
-@pytest.fixture(params=stp.robots())
+@pytest.fixture(params=NAMES)
 def name(request: pytest.FixtureRequest) -> str:
     return request.param
 
@@ -125,9 +126,7 @@ REDUNDANT = pytest.mark.xfail(
 
 
 @pytest.mark.parametrize("away", AWAY)
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=REDUNDANT) if n == "arm_7r" else n for n in stp.robots()]
-)
+@pytest.mark.parametrize("name", [pytest.param(n, marks=REDUNDANT) if n == "arm_7r" else n for n in ROBOTS])
 def test_solvers_go_to_the_same_place(name: str, away: float, rng: np.random.Generator) -> None:
     here, there = robot(name), aside(name, away)
     q, _, _ = state_of(name, rng)
@@ -148,7 +147,7 @@ def test_solvers_go_to_the_same_place(name: str, away: float, rng: np.random.Gen
     "away", [away if away == 100.0 else pytest.param(away, marks=pytest.mark.slow) for away in AWAY]
 )
 @pytest.mark.parametrize("coordinates", COORDINATES)
-@pytest.mark.parametrize("name", slow_but_for_few(stp.robots(), ["stewart", "four_bar"]))
+@pytest.mark.parametrize("name", slow_but_for_few(ROBOTS, ["stewart", "four_bar"]))
 def test_kernels(name: str, coordinates: str, away: float, rng: np.random.Generator) -> None:
     here, there = robot(name), aside(name, away)
     q, v, a = state_of(name, rng)

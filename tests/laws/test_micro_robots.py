@@ -13,7 +13,7 @@ import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import UnsupportedError
 from tests.closed_states import close, random_configuration, random_motion, robot, slow_but_for_few
-from tests.zoo.table import zoo_chain
+from tests.zoo.table import ROBOTS, zoo_chain
 
 AGREE = {2.0**-60: 1e-15, 1e-18: 1e-10}
 """Powers of two cost no digits at all: every bit is the same; others cost round-off, as law 5."""
@@ -70,7 +70,7 @@ def answers(chain: stp.ClosedChain, share: float, rng: np.random.Generator) -> d
 @pytest.mark.parametrize(
     "name",
     [
-        *slow_but_for_few(stp.robots(), ["four_bar", "rpr_planar"]),
+        *slow_but_for_few(ROBOTS, ["four_bar", "rpr_planar"]),
     ],
 )
 def test_efforts_are_in_proportion_to_masses(name: str, share: float) -> None:

@@ -21,6 +21,7 @@ from tests.closed_states import (
     robot,
     slow_but_for_few,
 )
+from tests.zoo.table import ROBOTS
 
 AGREE = 1e-10
 """Relative; as law 5 without rotors, of which these are a part."""
@@ -38,7 +39,7 @@ def turning(name: str) -> stp.ClosedChain:
     return replace(chain, model=model)
 
 
-@pytest.fixture(params=[*stp.robots(), *KINDS])
+@pytest.fixture(params=[*ROBOTS, *KINDS])
 def chain(request: pytest.FixtureRequest) -> stp.ClosedChain:
     """Return each bundled robot and each kind of closure, with a rotor on every joint."""
     return turning(request.param)
@@ -102,7 +103,7 @@ def test_articulated_bodies_agree(chain: stp.ClosedChain, rng: np.random.Generat
 
 
 @pytest.mark.parametrize("coordinates", ["tree", "motor", "platform"])
-@pytest.mark.parametrize("name", slow_but_for_few([*stp.robots(), *KINDS], ["four_bar", "gear_train"]))
+@pytest.mark.parametrize("name", slow_but_for_few([*ROBOTS, *KINDS], ["four_bar", "gear_train"]))
 def test_kernels_agree(name: str, rng: np.random.Generator, coordinates: str) -> None:
     chain = turning(name)
     held(chain)

@@ -12,11 +12,13 @@ import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import LOOP_KINDS, JointKind
+from tests.closed_states import NAMES
 from tests.mechanics.joint_zoo import close, joint_zoo
 from tests.retelling.case import case
 from tests.rewritten import carry_over, recut
+from tests.zoo.table import ROBOTS
 
-WITH_LOOPS = [name for name in stp.robots() if stp.load(name).nc]
+WITH_LOOPS = [name for name in ROBOTS if stp.load(name).nc]
 
 
 def closed_state(chain: stp.ClosedChain, rng: np.random.Generator):
@@ -100,7 +102,7 @@ def test_redundant_loops_change_nothing_but_the_reactions(rng: np.random.Generat
     np.testing.assert_allclose(two.lambda_c[6:9], two.lambda_c[18:], rtol=1e-8, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", NAMES)
 def test_a_chain_without_loops_is_a_tree(name: str, rng: np.random.Generator) -> None:
     chain = stp.load(name)
     if chain.nc:

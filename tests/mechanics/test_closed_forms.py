@@ -104,7 +104,7 @@ OTHERS = pytest.mark.parametrize(
     "make",
     [
         pytest.param(lambda: stp.load(ZOO / "tricept.urdf"), id="tricept"),
-        pytest.param(lambda: stp.load(ZOO / "translating_3upu.urdf"), id="3upu"),
+        pytest.param(lambda: stp.load("tripod_3upu"), id="3upu"),
         pytest.param(eight_legs, id="8ups"),
         pytest.param(lopsided, id="lopsided"),
     ],

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import stewart_pin as stp
 from stewart_pin.errors import ClosureError, InputError, UnreachableError
 from stewart_pin.state import paths
-from tests.closed_states import along, close, derivative, random_configuration, random_motion, robot
+from tests.closed_states import NAMES, along, close, derivative, random_configuration, random_motion, robot
 from tests.mechanisms import arm, four_bar
 
 HEXAPODS = ("stewart", "stewart_sps", "stewart_cad", "stewart_s1")
@@ -61,7 +61,7 @@ def test_rates_and_accelerations_of_the_legs(name: str, rng: np.random.Generator
     close(state.a[chain.motor_index], stp.hexapods.leg_accelerations(*at, acceleration), 1e-12)
 
 
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", NAMES)
 def test_motion_follows_a_path(name: str, rng: np.random.Generator) -> None:
     """Differentiate the configurations along a path of the platform: they are v and a, whatever formulas say."""
     chain = robot(name)

@@ -12,7 +12,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.newton import polish
-from tests.closed_states import robot
+from tests.closed_states import NAMES, robot
 from tests.mechanisms import arm, five_bar, four_bar, rotary_hexapod, two_bodies
 from tests.rewritten import in_other_unit
 
@@ -141,7 +141,7 @@ def test_motors_that_fail_and_ones_that_do(
     assert stp.mobility(with_motors(name, *found.suggestion)).verdict == "sufficient"
 
 
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", NAMES)
 def test_any_part_of_the_motors_leads_to_motors_that_hold(name: str, rng: np.random.Generator) -> None:
     """Whatever joints are chosen, the suggestion holds the robot, without a motor to spare."""
     candidates = [joint.name for joint in robot(name).mechanism.joints if joint.has_axis]

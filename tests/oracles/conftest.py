@@ -10,6 +10,7 @@ import pytest
 from scipy.linalg import null_space
 
 import stewart_pin as stp
+from tests.zoo.table import ROBOTS
 
 _RANK = 1e-9
 """Singular values below this, relative to the largest, count as zero: loops are closed to 1e-13."""
@@ -44,7 +45,7 @@ def project() -> Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]:
     return projection
 
 
-@pytest.fixture(params=stp.robots())
+@pytest.fixture(params=ROBOTS)
 def chain(request: pytest.FixtureRequest) -> stp.ClosedChain:
     """Return every bundled robot in turn, falling in a direction that no axis has."""
     return stp.load(request.param, gravity=(1.3, -2.1, -9.81))

@@ -19,6 +19,7 @@ from stewart_pin.programs.llvm.machine_code import Target
 from stewart_pin.programs.repeating import interpreted
 from stewart_pin.programs.status import StateStatus, written_outputs
 from tests.closed_states import random_configuration, random_motion, robot
+from tests.zoo.table import ROBOTS
 
 pytest.importorskip("lief", reason="needs LIEF: pip install 'stewart_pin[oracles]'")
 pytest.importorskip("unicorn", reason="needs Unicorn: pip install 'stewart_pin[oracles]'")
@@ -28,7 +29,7 @@ from tests.oracles.arm_kernels import SYSTEMS, ArmKernel, same
 each_system = pytest.mark.parametrize("target", SYSTEMS.values(), ids=SYSTEMS)
 each_type = pytest.mark.parametrize("dtype", [np.float64, np.float32])
 NAMES = ("stewart", "hexapod_rss")
-UNLIKE = sorted(set(stp.robots()) - {"stewart_cad", "stewart_s1"})  # whose legs are those of another one
+UNLIKE = sorted(set(ROBOTS) - {"stewart_cad", "stewart_s1"})  # whose legs are those of another one
 STATES = [
     (name, coordinates)
     for name in UNLIKE

@@ -14,6 +14,7 @@ from stewart_pin.model.description import JointKind
 from stewart_pin.model.formats.urdf import read_urdf
 from tests.mechanisms import four_bar, two_bodies
 from tests.small_urdf import ARM, AXIS_Z, joint, link, robot, write
+from tests.zoo.table import ROBOTS
 
 pytest.importorskip("pydrake", reason="needs Drake: pip install 'stewart_pin[oracles]'")
 
@@ -41,7 +42,7 @@ def opened(path: Path, gravity: np.ndarray, step: float = 1e-3) -> MultibodyPlan
 CHAINS = {
     **{
         name: lambda _, name=name: stp.load(name, gravity=DOWN)
-        for name in stp.robots()
+        for name in ROBOTS
         if all(loop.kind is JointKind.SPHERICAL for loop in stp.load(name).loops)
     },
     "two bodies": lambda rng: build_chain(two_bodies(JointKind.SPHERICAL, rng).described(), gravity=DOWN),

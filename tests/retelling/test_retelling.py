@@ -13,6 +13,7 @@ from tests.retelling.case import case, plain
 from tests.retelling.telling import Telling
 from tests.retelling.tellings import TELLINGS, tell
 from tests.retelling.verbs.everything import KINDS, QUESTIONS, Answers, Sized, Verb
+from tests.zoo.table import ROBOTS
 
 ALIKE = ("stewart_cad", "stewart_s1")
 """Robots that differ from `stewart` by their numbers only."""
@@ -106,6 +107,8 @@ def disagreements(told: Telling, questions: list[str]) -> dict[str, str]:
 FEW_DIGITS = ("nine digits", "all at once with six digits")
 """Tellings that ask each question four times: some robots are told so, all of them with six digits, and all at once
 with nine."""
+TOLD_ONCE = tuple(name for name in stp.robots() if name not in ROBOTS)
+"""Robots that the zoo tells of: all its ways at once."""
 TOLD_FOUR_WAYS = ("four_bar", "stewart", "delta", "rpr_planar")
 
 
@@ -113,7 +116,7 @@ def told_robots() -> list[object]:
     """All robots and tellings; other hexapods of the same build as `stewart` in those that hold all the others."""
     return [
         (robot, telling)
-        for robot in stp.robots()
+        for robot in ROBOTS
         for telling in TELLINGS
         if (robot not in ALIKE or telling.startswith(("all at once", "base", "cut")))
         and (robot in TOLD_FOUR_WAYS or telling not in FEW_DIGITS)
@@ -138,7 +141,9 @@ def test_a_few_answers(robot: str, telling: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("robot", "telling"), told_robots())
+@pytest.mark.parametrize(
+    ("robot", "telling"), [*told_robots(), *((name, "all at once") for name in TOLD_ONCE)]
+)
 def test_every_answer(robot: str, telling: str, tmp_path: Path) -> None:
     told = tell_or_skip(robot, telling, tmp_path)
     found = disagreements(told, [name for name, kind in KINDS.items() if kind != "compiled"])
@@ -146,7 +151,7 @@ def test_every_answer(robot: str, telling: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("robot", stp.robots())
+@pytest.mark.parametrize("robot", ROBOTS)
 def test_kernels(robot: str, tmp_path: Path) -> None:
     """Programs are written anew for each telling, which takes seconds: of one that tells everything otherwise."""
     told = tell_or_skip(robot, "all at once", tmp_path)

@@ -12,6 +12,7 @@ from stewart_pin.model.description import JointKind
 from stewart_pin.tolerances import CLOSED as TOLERANCE
 from tests.closed_states import random_configuration, robot
 from tests.mechanisms import five_bar, four_bar
+from tests.zoo.table import ROBOTS
 
 
 def guesses(chain: stp.ClosedChain, rng: np.random.Generator, n: int):
@@ -23,7 +24,7 @@ def guesses(chain: stp.ClosedChain, rng: np.random.Generator, n: int):
         yield q, pin.integrate(chain.model, q, reach * rng.uniform(-1, 1, chain.nv))
 
 
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", ROBOTS)
 def test_closes_from_afar(name: str, rng: np.random.Generator) -> None:
     chain = robot(name)
     farther = []
@@ -39,7 +40,7 @@ def test_closes_from_afar(name: str, rng: np.random.Generator) -> None:
 
 
 @pytest.mark.slow  # 5 s each on an idle core
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", ROBOTS)
 def test_closes_from_all_of_500_guesses(name: str, rng: np.random.Generator) -> None:
     chain = robot(name)
     worst = max(stp.close_loops(chain, guess).gap for _, guess in guesses(chain, rng, 500))

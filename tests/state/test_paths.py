@@ -53,7 +53,7 @@ def test_poses_on_the_way_need_not_be_within_reach(tube: tuple[float, float, flo
 
 @pytest.mark.parametrize(
     ("name", "angles", "told"),
-    [("screw_jack", (-1, 2, 1, 0, 0, 1, -2), True), ("scissor_lift", (1, -2, 1, 0, 0, -1, 2), False)],
+    [("screw_jack", (-1, 2, 1, 0, 0, 1, -2), True), ("scissor_lift", (0, 1, -2, -1, 2, -1, 0), False)],
 )
 def test_where_branches_cross_the_demand_tells_them_apart_or_none_is_kept(
     name: str, angles: tuple[int, ...], told: bool
@@ -62,9 +62,9 @@ def test_where_branches_cross_the_demand_tells_them_apart_or_none_is_kept(
     chain = robot(name)
 
     def pose_at(turn: float) -> pin.SE3:
-        return stp.platform_pose(stp.close_loops(chain, turn * np.array(angles)).state)
+        return stp.platform_pose(stp.close_loops(chain, chain.q_home + turn * np.array(angles)).state)
 
-    flat = np.pi / 2 - np.arctan(1.5)  # the bars rise by two in three at home
+    flat = np.arctan(2 / 3 if name == "screw_jack" else 3 / 4)  # what the bars rise by at home
     for turn in (0.3, flat - 0.05, flat + 0.03, flat + 0.1, flat + 0.4):
         if turn < flat or told:
             assert stp.inverse_kinematics(chain, pose_at(turn), limits=False).success
@@ -75,7 +75,8 @@ def test_where_branches_cross_the_demand_tells_them_apart_or_none_is_kept(
 
 def test_demands_just_before_a_fold_are_met() -> None:
     """Two branches of a tripod meet at these motor positions; up to there the one of home answers."""
-    chain = robot("tripod_3rps")
+    chain = robot("three_rps")
+    home = stp.motor_positions(chain, chain.q_home)
     fold = np.array([-0.3093840364, -0.0841668544, -0.3407438813])
 
     def side(q: np.ndarray) -> tuple[float, float]:
@@ -84,14 +85,14 @@ def test_demands_just_before_a_fold_are_met() -> None:
         return float(np.sign(np.linalg.det(matrix))), float(np.linalg.svd(matrix, compute_uv=False)[-1])
 
     for short in (1e-2, 1e-4, 1e-5, 3e-6, 1e-6, 5e-7):
-        found = stp.forward_kinematics(chain, (1 - short) * fold, limits=False)
+        found = stp.forward_kinematics(chain, home + (1 - short) * fold, limits=False)
         sign, smallest = side(found.q)
         assert sign == side(chain.q_home)[0]
         # As the root of the distance to the fold: 0.2 of it, 0.04 of that farther away.
         assert 0.15 < smallest / np.sqrt(short) < 0.35, (short, smallest)
     for beyond in (1e-5, 1e-4, 1e-2):
         with pytest.raises(ClosureError, match="ends"):
-            stp.forward_kinematics(chain, (1 + beyond) * fold, limits=False)
+            stp.forward_kinematics(chain, home + (1 + beyond) * fold, limits=False)
 
 
 @pytest.mark.parametrize("name", ["four_bar", "crank_rocker", "bennett"])

@@ -10,7 +10,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import FileFormatError, FileMissingError
-from tests.closed_states import random_configuration, robot
+from tests.closed_states import NAMES, random_configuration, robot
 from tests.mechanisms import arm, two_bodies
 from tests.small_urdf import write
 
@@ -117,7 +117,7 @@ def test_a_scene_can_be_exported(tmp_path: Path) -> None:
     np.testing.assert_allclose(again.bounds, scene.bounds, atol=1e-6)
 
 
-@pytest.mark.parametrize("name", stp.robots())
+@pytest.mark.parametrize("name", NAMES)
 def test_every_robot_has_a_picture(name: str) -> None:
     figure = stp.viz.plot_scene(robot(name))
     (axis,) = figure.axes

@@ -62,27 +62,52 @@ def _free(kind: str, point: np.ndarray, axis: np.ndarray, axis2: np.ndarray) -> 
     }[kind]
 
 
+def _placed(element: ET.Element | None) -> np.ndarray:
+    """Placement (4, 4) of an <origin>: R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    T = np.eye(4)
+    T[:3, 3] = _numbers(element)
+    if element is not None and "rpy" in element.attrib:
+        for axis, angle in zip(AXES[::-1], _numbers(element, "rpy")[::-1], strict=True):
+            T[:3, :3] = T[:3, :3] @ scipy.linalg.expm(_hat(_turn(axis, np.zeros(3))) * angle)[:3, :3]
+    return T
+
+
+def _moved(kind: str, axis: np.ndarray, value: list[float]) -> np.ndarray:
+    """Placement that a joint has at home; floating ones stand upright there."""
+    if kind == "floating":
+        assert value[3:] == [0, 0, 0, 1]
+        return scipy.linalg.expm(_hat(_slide(np.array(value[:3]))))
+    screw = _slide(axis) if kind == "prismatic" else _turn(axis, np.zeros(3))
+    return scipy.linalg.expm(_hat(screw) * value[0])
+
+
 @cache
 def read(path: Path) -> Screws:
-    """Read a file of the zoo, where no frame is turned at home."""
+    """Read a file of the zoo."""
     root = ET.parse(path).getroot()
-    place, above = {"base": np.zeros(3)}, {"base": ()}
+    home = {
+        joint.attrib["name"]: [float(x) for x in joint.attrib["value"].split()]
+        for joint in root.findall("group_state/joint")
+    }
+    place, above = {"base": np.eye(4)}, {"base": ()}
     screws: list[np.ndarray] = []
     number: dict[str, int] = {}
     motors, loops = [], []
     for joint in root.findall("joint"):
         parent, child = joint.find("parent").attrib["link"], joint.find("child").attrib["link"]
-        point = place[parent] + _numbers(joint.find("origin"))
-        free = _free(joint.attrib["type"], point, _numbers(joint.find("axis")), np.zeros(3))
-        number[joint.attrib["name"]] = len(screws)
+        kind, name, axis = joint.attrib["type"], joint.attrib["name"], _numbers(joint.find("axis"))
+        stand = place[parent] @ _placed(joint.find("origin"))
+        place[child] = stand @ (_moved(kind, axis, home[name]) if name in home else np.eye(4))
+        free = _free(kind, place[child][:3, 3], stand[:3, :3] @ axis, np.zeros(3))
+        number[name] = len(screws)
         motors += [len(screws)] if joint.get("independent") else []
-        place[child] = point
         above[child] = (*above[parent], *range(len(screws), len(screws) + len(free)))
         screws += free
     for loop in root.findall("loop"):
         links = [loop.find(tag).attrib["link"] for tag in ("predecessor", "successor")]
-        point = place[links[0]] + _numbers(loop.find("predecessor/origin"))
-        free = _free(loop.attrib["type"], point, _numbers(loop.find("axis")), _numbers(loop.find("axis2")))
+        stand = place[links[0]] @ _placed(loop.find("predecessor/origin"))
+        axes = (stand[:3, :3] @ _numbers(loop.find(tag)) for tag in ("axis", "axis2"))
+        free = _free(loop.attrib["type"], stand[:3, 3], *axes)
         loops.append((links[0], tuple(range(len(screws), len(screws) + len(free))), links[1]))
         screws += free
     gears = [

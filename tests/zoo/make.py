@@ -1,4 +1,7 @@
-"""Write the mechanisms of the zoo: ``python -m tests.zoo.make``. Points are metres in the world, at home."""
+"""Write the mechanisms of the zoo, and the robots among them: ``python -m tests.zoo.make``.
+
+Points are metres in the world, at home.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from stewart_pin.building.loading import urdf_root
+from tests.zoo.make_robots import ROBOT_MAKERS
+from tests.zoo.robot_telling import RobotTelling
 from tests.zoo.telling import Telling, X, Y, Z, about, meet, unit, xz
 
 MAKERS: dict[str, Callable[[Telling], None]] = {}
@@ -69,19 +75,14 @@ def peaucellier(m: Telling) -> None:
     m.close("pb", "pc", p)
 
 
-def _slider_crank(name: str, pin: tuple[float, float]) -> None:
-    def tell(m: Telling) -> None:
-        m.r("base", "crank", xz(0, 0), motor=True)
-        m.r("crank", "rod", xz(0.12, 0.16))
-        m.p("base", "slider", xz(*pin), X)
-        m.tip("slider", xz(*pin))
-        m.close("rod", "slider", xz(*pin))
-
-    MAKERS[name] = tell
-
-
-_slider_crank("slider_crank", (0.8, 0))
-_slider_crank("slider_crank_offset", (0.8, -0.1))
+@mechanism
+def slider_crank_offset(m: Telling) -> None:
+    pin = xz(0.8, -0.1)
+    m.r("base", "crank", xz(0, 0), motor=True)
+    m.r("crank", "rod", xz(0.12, 0.16))
+    m.p("base", "slider", pin, X)
+    m.tip("slider", pin)
+    m.close("rod", "slider", pin)
 
 
 @mechanism
@@ -223,21 +224,6 @@ def pantograph(m: Telling) -> None:
     m.r("short1", "short2", xz(0.4, 0.1))
     m.tip("long2", xz(0.8, 0.2))
     m.close("short2", "long2", xz(0.6, 0.4))
-
-
-@mechanism
-def scissor_lift(m: Telling) -> None:
-    m.p("base", "slider", xz(0.6, 0), X, motor=True)
-    m.r("base", "a1", xz(0, 0))
-    m.r("slider", "b1", xz(0.6, 0))
-    m.close("a1", "b1", xz(0.3, 0.2))
-    m.r("b1", "a2", xz(0, 0.4))
-    m.r("a1", "b2", xz(0.6, 0.4))
-    m.close("a2", "b2", xz(0.3, 0.6))
-    m.r("b2", "table", xz(0, 0.8))
-    m.p("table", "shoe", xz(0.6, 0.8), X)
-    m.tip("table", xz(0.3, 0.9))
-    m.close("a2", "shoe", xz(0.6, 0.8))
 
 
 @mechanism
@@ -568,19 +554,6 @@ def _tangent(point: np.ndarray) -> np.ndarray:
 
 
 @mechanism
-def tripod_3rps(m: Telling) -> None:
-    for k in range(3):
-        foot, head = _around(0.5, 0, 0, k), _around(0.3, 0.6, 0, k)
-        m.r("base", f"cylinder{k}", foot, _tangent(foot))
-        m.p(f"cylinder{k}", f"piston{k}", head, head - foot, motor=True)
-        if k:
-            m.close(f"piston{k}", "table", head, kind="spherical")
-        else:
-            m.s("piston0", "table", head)
-    m.tip("table", np.array([0, 0, 0.65]))
-
-
-@mechanism
 def tripod_3prs(m: Telling) -> None:
     for k in range(3):
         foot, head = _around(0.5, 0, 0, k), _around(0.3, 0.6, 0, k)
@@ -593,34 +566,20 @@ def tripod_3prs(m: Telling) -> None:
     m.tip("table", np.array([0, 0, 0.65]))
 
 
-def _translating(name: str, driven_foot: bool, count: int = 3) -> None:
-    """Legs between parallel hinges that are tangents at foot and head; driven by length, or by a slide below."""
-
-    def tell(m: Telling) -> None:
-        for k in range(3):
-            foot, head = _around(0.5, 0, 0.1, k), _around(0.25, 0.6, 0.1, k)
-            outer = _tangent(foot)
-            inner = np.cross(outer, head - foot)
-            last = "base"
-            if driven_foot:
-                m.p("base", f"slider{k}", foot, Z, motor=True)
-                last = f"slider{k}"
-            m.u(last, f"leg{k}", foot, outer, inner)
-            last = f"leg{k}"
-            if not driven_foot:
-                m.p(last, f"piston{k}", head, head - foot, motor=True)
-                last = f"piston{k}"
-            if k:
-                m.close(last, "table", head, inner, "universal", outer)
-            else:
-                m.u(last, "table", head, inner, outer)
-        m.tip("table", np.array([0, 0, 0.65]))
-
-    MAKERS[name] = tell
-
-
-_translating("translating_3upu", False)
-_translating("translating_3puu", True)
+@mechanism
+def translating_3puu(m: Telling) -> None:
+    for k in range(3):
+        # Between hinges that are tangents at foot and head, parallel in every leg.
+        foot, head = _around(0.5, 0, 0.1, k), _around(0.25, 0.6, 0.1, k)
+        outer = _tangent(foot)
+        inner = np.cross(outer, head - foot)
+        m.p("base", f"slider{k}", foot, Z, motor=True)
+        m.u(f"slider{k}", f"leg{k}", foot, outer, inner)
+        if k:
+            m.close(f"leg{k}", "table", head, inner, "universal", outer)
+        else:
+            m.u("leg0", "table", head, inner, outer)
+    m.tip("table", np.array([0, 0, 0.65]))
 
 
 @mechanism
@@ -637,20 +596,6 @@ def schoenflies_4puu(m: Telling) -> None:
         else:
             m.u("rod0", "table", head, inner, Z)
     m.tip("table", np.array([0, 0, 0.55]))
-
-
-@mechanism
-def agile_eye(m: Telling) -> None:
-    o, axes = np.zeros(3), (X, Y, Z)
-    for k in range(3):
-        base, middle, end = (axes[(k + n) % 3] for n in range(3))
-        m.r("base", f"proximal{k}", o, base, motor=True)
-        m.r(f"proximal{k}", f"distal{k}", o, middle)
-        if k:
-            m.close(f"distal{k}", "camera", o, end)
-        else:
-            m.r("distal0", "camera", o, end)
-    m.tip("camera", np.array([0.2, 0.2, 0.2]))
 
 
 @mechanism
@@ -707,13 +652,7 @@ def _sps(m: Telling, k: int, foot: np.ndarray, head: np.ndarray) -> str:
     return f"piston{k}"
 
 
-def _pus(m: Telling, k: int, foot: np.ndarray, head: np.ndarray) -> str:
-    m.p("base", f"slider{k}", foot, Z, motor=True)
-    m.u(f"slider{k}", f"rod{k}", foot, _tangent(foot), np.cross(_tangent(foot), head - foot))
-    return f"rod{k}"
-
-
-for _name, _leg in {"gough_6ups": _ups, "gough_6sps": _sps, "hexaglide_6pus": _pus}.items():
+for _name, _leg in {"gough_6ups": _ups, "gough_6sps": _sps}.items():
     _hexapod(_name, _leg)
 
 
@@ -773,18 +712,6 @@ def ankle_2spu(m: Telling) -> None:
 
 
 @mechanism
-def wrist_2rss(m: Telling) -> None:
-    m.u("base", "hand", np.zeros(3), Y, X)
-    m.tip("hand", np.array([0, 0, 0.1]))
-    for k, side in enumerate((1, -1)):
-        motor, pin = np.array([-0.1, 0.1 * side, -0.4]), np.array([-0.2, 0.1 * side, -0.4])
-        knuckle = np.array([-0.15, 0.08 * side, 0.02])
-        m.r("base", f"crank{k}", motor, Y, motor=True)
-        m.s(f"crank{k}", f"rod{k}", pin)
-        m.close(f"rod{k}", "hand", knuckle, kind="spherical")
-
-
-@mechanism
 def double_wishbone(m: Telling) -> None:
     lower, upper, rack, arm = (
         np.array(x) for x in ([0, 0.5, 0], [0, 0.45, 0.3], [0.15, 0.1, 0.1], [0.15, 0.48, 0.1])
@@ -805,6 +732,10 @@ def main() -> None:
         m = Telling(name)
         tell(m)
         m.write(folder)
+    for name, tell_robot in ROBOT_MAKERS.items():
+        told = RobotTelling(name)
+        tell_robot(told)
+        told.write(urdf_root())
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from stewart_pin.model.description import LOOP_KINDS
 from tests.closed_states import close, random_configuration, random_motion, robot
 from tests.mechanisms import five_bar, four_bar, gear_train, rotary_hexapod, two_bodies
 from tests.rewritten import recut
+from tests.zoo.table import ROBOTS
 
 ODD = {
     "four_bar with redundant rows": lambda rng: four_bar(),
@@ -23,7 +24,7 @@ ODD = {
     "a platform that hangs on a spinning leg": lambda rng: recut(robot("stewart_sps")),
     "massless spinning legs": lambda rng: stp.massless_legs(robot("stewart_sps")),
     **{str(kind): lambda rng, kind=kind: two_bodies(kind, rng) for kind in LOOP_KINDS},
-    **{name: lambda rng, name=name: robot(name) for name in stp.robots()},
+    **{name: lambda rng, name=name: robot(name) for name in ROBOTS},
 }
 STEP = 1e-4
 
