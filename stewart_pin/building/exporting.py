@@ -16,6 +16,7 @@ from stewart_pin.model.description import Mechanism, Note, Report
 from stewart_pin.model.formats.dialect import dialects, side_car_suffixes
 from stewart_pin.model.formats.mjcf.writing import write_mjcf_file
 from stewart_pin.model.formats.sdf.writing import write_sdf
+from stewart_pin.model.formats.usd.writing import write_usd
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import validate
 from stewart_pin.state.chain import ClosedChain
@@ -74,8 +75,11 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> Re
         - ``"mjcf"``: for MuJoCo, whose loops are soft constraints: mass matrix and bias of its tree are exact, its
           accelerations are not.
 
-        All but the first and the last write couplings as ``<mimic>``, which has to be linear. Limits of joints that
-        close loops stand in the first and in SDFormat, those of balls there and, of the angle, in the last.
+        - ``"usd"``: OpenUSD in text, for Isaac Sim and Newton (extra ``usd``); all loops and couplings, and in words of
+          our own all that a chain can hold, read back the same. Others see frames and masses in single precision.
+
+        The other dialects of URDF and SDFormat write couplings as ``<mimic>``, which has to be linear. Limits of joints
+        that close loops stand in the first, in SDFormat and OpenUSD, those of balls there and, of the angle, in MJCF.
 
     Returns
     -------
@@ -90,7 +94,11 @@ def export(chain: ClosedChain, path: str | Path, *, format: str = "urdf+") -> Re
         If the format cannot express the chain; names the link, joint, loop or motor at fault.
     """
     as_chain(chain)
-    writers = {"mjcf": _write_mjcf, "sdf": _describing(write_sdf)}
+    writers = {
+        "mjcf": _write_mjcf,
+        "sdf": _describing(write_sdf),
+        "usd": _describing(write_usd),
+    }
     writers |= {
         dialect.name: _describing(dialect.write) for dialect in dialects() if dialect.write is not None
     }

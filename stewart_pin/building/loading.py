@@ -93,7 +93,10 @@ def load(
     mechanism = read_mechanism(find_robot(name_or_path), loops=side_car)
     if odd_inertias:
         mechanism = keep_odd_inertias(mechanism)
-    if closure_tolerance is None:
+    forgiven: float | Precision
+    if closure_tolerance is None and mechanism.digits is not None:
+        forgiven = Precision(*mechanism.digits)
+    elif closure_tolerance is None:
         forgiven = printed_precision(Path(mechanism.source), side_car)
     else:
         forgiven = as_positive("closure_tolerance", closure_tolerance)

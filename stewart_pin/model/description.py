@@ -339,6 +339,9 @@ class Mechanism(Brief):
         Whether the file places the links themselves, so that its home closes every loop, whatever the limits say.
     motor_hints
         Joints that the file names as driven, but not so that they could be taken for the motors.
+    digits
+        How finely the file tells where joints and loops are attached, lengths [m] and angles [rad]; None: as its text
+        prints them.
     """
 
     name: str
@@ -355,6 +358,7 @@ class Mechanism(Brief):
     odd_inertias: frozenset[str] = frozenset()
     assembled: bool = False
     motor_hints: tuple[str, ...] = ()
+    digits: tuple[float, float] | None = None
 
     @property
     def root(self) -> str:

@@ -11,6 +11,8 @@ from stewart_pin.model.formats.dialect import side_car_suffixes
 from stewart_pin.model.formats.mjcf.reading import read_mjcf
 from stewart_pin.model.formats.sdf import read_sdf
 from stewart_pin.model.formats.urdf import read_urdf
+from stewart_pin.model.formats.usd.reading import read_usd
+from stewart_pin.model.formats.usd.stage import SUFFIXES as USD_SUFFIXES
 from stewart_pin.model.formats.xml import read_xml, shown_tag
 
 _SUFFIXES = (".urdf", ".sdf", ".world", ".xml", ".mjcf", ".xacro")
@@ -47,10 +49,11 @@ def read_mechanism(path: Path, *, loops: Path | None = None) -> Mechanism:
     """
     if path.suffix.lower() in side_car_suffixes() and loops is None:
         path, loops = path.with_suffix(".urdf"), path
+    if path.suffix.lower() in USD_SUFFIXES and loops is None:
+        return read_usd(path)
     if path.suffix.lower() not in _SUFFIXES:
-        raise UnsupportedError(
-            f"{path}: files of type '{path.suffix}' are not supported; supported: {', '.join(_SUFFIXES)}"
-        )
+        known = ", ".join((*_SUFFIXES, *USD_SUFFIXES))
+        raise UnsupportedError(f"{path}: files of type '{path.suffix}' are not supported; supported: {known}")
     root = shown_tag(read_xml(path))
     if root not in _READERS:
         known = ", ".join(f"<{tag}>" for tag in _READERS)

@@ -40,6 +40,7 @@ from stewart_pin.model.formats.sdf.joints import (
 from stewart_pin.model.unfolding import (
     Unfolded,
     cut_second_parents,
+    unfold_cylindrical,
     unfold_planar,
     unfold_screw,
     unfold_universal,
@@ -301,7 +302,9 @@ def _hang(tree: SdfTree, joint: SdfJoint, near: float, is_motor: bool) -> None:
         rest = motion(joint.kind, axes[0], joint.readings) if alone else joint.rest
         placement = placement * rest.inverse()
     readings = joint.readings
-    if len(axes) <= 1 and not joint.lead and joint.kind is not JointKind.PLANAR:
+    # A screw is cylindrical as well, and one without lead none of ours.
+    in_a_row = joint.lead or joint.kind is JointKind.PLANAR or joint.written == JointKind.CYLINDRICAL
+    if len(axes) <= 1 and not in_a_row:
         made = Joint(joint.name, joint.kind, joint.parent, child, placement, independent=is_motor)
         if joint.position is not None and len(readings):
             tree.home[joint.name] = readings
@@ -329,6 +332,8 @@ def _hang(tree: SdfTree, joint: SdfJoint, near: float, is_motor: bool) -> None:
 def _row(joint: SdfJoint, child: str, placement: pin.SE3, axes: list[FloatArray]) -> Unfolded:
     if joint.lead:
         return unfold_screw(joint.name, joint.parent, child, placement, axes[0], joint.lead)
+    if joint.kind is JointKind.CYLINDRICAL:
+        return unfold_cylindrical(joint.name, joint.parent, child, placement, axes[0])
     if joint.kind is JointKind.PLANAR:
         return unfold_planar(joint.name, joint.parent, child, placement, axes[0])
     return unfold_universal(joint.name, joint.parent, child, placement, axes[0], axes[1])
