@@ -20,6 +20,7 @@ from stewart_pin.model.description import Joint, JointKind, Link, Mechanism
 from stewart_pin.model.formats.precision import Precision, printed_precision
 from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.roles import platform_candidates
+from stewart_pin.model.shapes import DRAWN
 from stewart_pin.model.tree import build_tree
 from stewart_pin.model.validation import keep_odd_inertias, validate
 from stewart_pin.state.chain import ClosedChain
@@ -90,7 +91,7 @@ def load(
     if not isinstance(loops, str | Path | None):
         raise InputError(f"loops must be a path, got {loops!r}")
     side_car = None if loops is None else Path(loops)
-    mechanism = read_mechanism(find_robot(name_or_path), loops=side_car)
+    mechanism = _without_drawn(read_mechanism(find_robot(name_or_path), loops=side_car))
     if odd_inertias:
         mechanism = keep_odd_inertias(mechanism)
     forgiven: float | Precision
@@ -101,6 +102,16 @@ def load(
     else:
         forgiven = as_positive("closure_tolerance", closure_tolerance)
     return build_chain(mechanism, motors=motors, platform=platform, gravity=gravity, forgiven=forgiven)
+
+
+def _without_drawn(mechanism: Mechanism) -> Mechanism:
+    """Take off the shapes that `export` drew where a robot had none."""
+
+    def seen(link: Link) -> Link:
+        kept = tuple(shape for shape in link.visuals if not shape.name.startswith(DRAWN))
+        return link if len(kept) == len(link.visuals) else replace(link, visuals=kept)
+
+    return replace(mechanism, links=tuple(seen(link) for link in mechanism.links))
 
 
 def build_chain(

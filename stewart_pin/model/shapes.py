@@ -11,6 +11,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+DRAWN = "stewart_pin_drawn_"
+"""How the names of shapes begin that a writer added so that something is seen, and that readers take off again."""
+
 
 class ShapeKind(StrEnum):
     """What a shape is."""

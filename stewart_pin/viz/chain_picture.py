@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.building.exporting import body_points, hinge_reach, off_centre
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.tree import link_frame
@@ -14,7 +15,6 @@ from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import as_configuration
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 from stewart_pin.viz.figures import new_figure
-from stewart_pin.viz.scene import body_points, hinge_reach, off_centre
 
 _ACROSS = 4
 """Panels in a row."""

@@ -17,117 +17,16 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
+from stewart_pin.building.exporting import body_points
 from stewart_pin.errors import FileFormatError, FileMissingError, MissingExtraError
-from stewart_pin.model.description import Joint, JointKind, Loop
+from stewart_pin.model.description import Joint, JointKind
 from stewart_pin.model.formats.xml import read_xml
+from stewart_pin.model.shapes import DRAWN
 from stewart_pin.model.tree import link_frame
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import as_configuration
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 from stewart_pin.viz.figures import new_figure
-
-# ----------------------------------------------------------------------------------------------------
-# The points at which joints and loops hold the bodies of a chain: what a body looks like when no file says so
-# ----------------------------------------------------------------------------------------------------
-
-
-_SAME = 1e-6
-"""Points nearer than this are one point, in robot sizes."""
-
-
-def body_points(chain: ClosedChain) -> dict[str, FloatArray]:
-    """Collect the points of every link.
-
-    Where all joints meet in one point, as those of a spherical linkage, hinges hold the bodies along their axes, at
-    `hinge_reach` from there.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-
-    Returns
-    -------
-    dict
-        ``{link: (n, 3) points in the link frame [m]}``, each point once.
-    """
-    points = _held_points(chain, hinge_reach(chain))
-    same = _SAME * chain.length_scale
-    # A flange is the only far end that a last link has; a payload is no corner of a platform.
-    for joint in chain.mechanism.joints:
-        if _holds_nothing(chain, joint):
-            points[joint.child].append(np.zeros(3))
-            if len(_distinct(points[joint.parent], same)) < 2:
-                points[joint.parent].append(np.array(joint.placement.translation))
-    return {link: _distinct(found, same) for link, found in points.items()}
-
-
-def hinge_reach(chain: ClosedChain) -> float:
-    """Tell how far from their frames hinges are drawn, along their axes.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-
-    Returns
-    -------
-    float
-        Zero; the size of the robot where every body that several joints or loops hold is held at one point [m].
-    """
-    held = [points for points in _held_points(chain, 0.0).values() if len(points) > 1]
-    same = _SAME * chain.length_scale
-    return chain.length_scale if held and all(len(_distinct(points, same)) == 1 for points in held) else 0.0
-
-
-def off_centre(joint: Joint | Loop, reach: float) -> FloatArray:
-    """Place the mark of a joint or loop in its own frame.
-
-    Parameters
-    ----------
-    joint
-        Joint or loop.
-    reach
-        What `hinge_reach` says [m].
-
-    Returns
-    -------
-    numpy.ndarray
-        (3,) point [m].
-    """
-    return reach * np.asarray(joint.axis) if joint.kind is JointKind.REVOLUTE else np.zeros(3)
-
-
-def _held_points(chain: ClosedChain, reach: float) -> dict[str, list[FloatArray]]:
-    """Collect where joints and loops hold each link to others, hinges off centre."""
-    points: dict[str, list[FloatArray]] = {link.name: [] for link in chain.mechanism.links}
-    for joint in chain.mechanism.joints:
-        # A free body is held by nothing.
-        if joint.kind is not JointKind.FLOATING and not _holds_nothing(chain, joint):
-            points[joint.parent].append(np.array(joint.placement.act(off_centre(joint, reach))))
-            points[joint.child].append(off_centre(joint, reach))
-    for loop in chain.loops:
-        points[loop.link1].append(np.array(loop.placement1.act(off_centre(loop, reach))))
-        points[loop.link2].append(np.array(loop.placement2.act(off_centre(loop, reach))))
-    return points
-
-
-def _holds_nothing(chain: ClosedChain, joint: Joint) -> bool:
-    """Tell whether a joint fixes a link that no other joint or loop holds, such as a payload or a frame."""
-    held = {other.parent for other in chain.mechanism.joints}
-    held |= {link for loop in chain.loops for link in (loop.link1, loop.link2)}
-    return joint.kind is JointKind.FIXED and joint.child not in held
-
-
-def _distinct(points: list[FloatArray], same: float) -> FloatArray:
-    kept: list[FloatArray] = []
-    for point in points:
-        if all(np.linalg.norm(point - other) > same for other in kept):
-            kept.append(point)
-    return np.array(kept).reshape(-1, 3)
-
-
-# ----------------------------------------------------------------------------------------------------
 
 _WORLD = "scene_world"
 """Name of the scene's root: no link of a robot is called so."""
@@ -197,7 +96,11 @@ def _visuals(source: str) -> tuple[Any, set[str]]:
     if not source or not path.is_file() or path.suffix.lower() not in (".urdf", ".xml"):
         return None, set()
     root = read_xml(path)
-    links = [link for link in root.findall("link") if link.get("name") and link.find("visual") is not None]
+    links = [
+        link
+        for link in root.findall("link")
+        if link.get("name") and any(map(_is_own, link.findall("visual")))
+    ]
     if root.tag != "robot" or not links:
         return None, set()
     import yourdfpy  # noqa: PLC0415 - optional and slow
@@ -237,6 +140,11 @@ def _visuals(source: str) -> tuple[Any, set[str]]:
             f"a <visual> cannot be read: {error}", path=str(path), culprit="<visual>"
         ) from error
     return urdf.scene, {str(link.get("name")) for link in links}
+
+
+def _is_own(visual: etree._Element) -> bool:
+    """Tell the visuals of the user from those that `export` drew."""
+    return not (visual.get("name") or "").startswith(DRAWN)
 
 
 def _simple_shapes(chain: ClosedChain, q: Configuration, link: str, points: FloatArray) -> list[Any]:
