@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -9,12 +10,19 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.errors import FileFormatError, MechanismError, MissingExtraError, UnsupportedError
+from stewart_pin.errors import (
+    FileFormatError,
+    MechanismError,
+    MissingExtraError,
+    StewartPinError,
+    UnsupportedError,
+)
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.formats.usd.bodies import read_bodies
 from stewart_pin.model.formats.usd.joints import JointReader
 from stewart_pin.model.formats.usd.stage import open_stage
 from stewart_pin.state.newton import polish
+from tests.mechanisms import gear_train
 from tests.small_usd import as_others_see_it, bar, ends, joint, stage, write
 
 AXIS = '        uniform token physics:axis = "Z"\n'
@@ -219,6 +227,78 @@ def test_the_disk_counts_where_a_file_is_open(tmp_path: Path) -> None:
     layer.comment = "unsaved"
     with pytest.raises(FileFormatError, match="open with changes that are not saved"):
         stp.load(path)
+
+
+VALUES = [
+    "nan",
+    "inf",
+    "0",
+    "-1",
+    "1e300",
+    "1e-300",
+    '"x"',
+    "(0, 0, 0)",
+    "[]",
+    "None",
+    "@http://a/b@",
+    "</robot/left>",
+]
+TYPES = [
+    "double",
+    "float",
+    "string",
+    "token",
+    "rel",
+    "Revolute",
+    "Z",
+    "body0",
+    "quatf",
+    "bool",
+    "matrix4d",
+    "int",
+]
+
+
+def damaged(text: str, rng: np.random.Generator) -> str:
+    """Exchange a value, a number or a type, or leave a line out, or say it twice elsewhere."""
+    lines = text.split("\n")
+    at, other = (int(rng.integers(1, len(lines))) for _ in range(2))
+    what, value = rng.integers(5), str(rng.choice(VALUES))
+    if what == 0:
+        del lines[at]
+    elif what == 1:
+        lines.insert(at, lines[other])
+    elif what == 2:
+        lines[at] = lines[at].replace(str(rng.choice(TYPES)), str(rng.choice(TYPES)))
+    elif what == 3:
+        lines[at] = re.sub(r"= .*", lambda _: f"= {value}", lines[at])
+    else:
+        lines[at] = re.sub(r"-?\d+(\.\d+)?(?=[,)]|$)", lambda _: value, lines[at], count=1)
+    return "\n".join(lines)
+
+
+def damage(count: int, seed: int, folder: Path) -> int:
+    """Load damaged files, and count those that are refused in words."""
+    rng, refused = np.random.default_rng(seed), 0
+    stp.export(gear_train(rng), folder / "gears.usda", format="usd")
+    whole = [(folder / "gears.usda").read_text(), stage(*BARS, *HINGES, LOOP)]
+    for k in range(count):
+        path = write(folder, damaged(whole[k % 2], rng), f"{k}.usda")
+        try:
+            stp.load(path)
+        except StewartPinError as error:
+            assert str(error)
+            refused += 1
+    return refused
+
+
+def test_damaged_files(tmp_path: Path) -> None:
+    assert 8 < damage(40, 0, tmp_path) < 32
+
+
+@pytest.mark.slow
+def test_many_damaged_files(tmp_path: Path) -> None:
+    assert 200 < damage(1000, 1, tmp_path) < 800
 
 
 def test_broken_files(tmp_path: Path) -> None:

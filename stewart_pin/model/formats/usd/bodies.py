@@ -13,7 +13,7 @@ from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import Link, Outcome
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
 from stewart_pin.model.formats.usd.stage import OWN, PLATFORM, Stage, meant, placement_of, same_single
-from stewart_pin.model.shapes import Material, Shape, ShapeKind
+from stewart_pin.model.shapes import Material, Shape, ShapeKind, fault_of_sizes
 from stewart_pin.typing import FloatArray
 
 _SCALED = 1e-6
@@ -194,6 +194,8 @@ def _inertia(stage: Stage, prim: Any, scale: FloatArray, *, shaped: bool) -> pin
             "has no physics:diagonalInertia: engines compute it from its shapes, which is not done here; write it",
         )
     centre = np.array(stage.value(prim, "physics:centerOfMass", (-np.inf,) * 3), dtype=float)
+    if not np.isfinite([mass, *moments]).all():
+        raise stage.error(path, f"has the mass {mass:g} and moments {moments.tolist()}: write finite numbers")
     if not np.isfinite(centre).all():
         if shaped:
             raise stage.error(
@@ -232,6 +234,8 @@ def _unpacked(numbers: FloatArray) -> pin.Inertia:
 def _agrees(stage: Stage, prim: Any, numbers: FloatArray) -> bool:
     """Tell whether our own numbers round to those of the schema, which are in kg and m in our files."""
     own = _unpacked(numbers)
+    if not np.isfinite(stage.value(prim, "physics:diagonalInertia", (0.0,) * 3)).all():
+        return False
     centre = np.array(stage.value(prim, "physics:centerOfMass", (-np.inf,) * 3), dtype=float)
     moments = np.array(stage.value(prim, "physics:diagonalInertia", (0.0,) * 3), dtype=float)
     axes = _rotation(stage, str(prim.GetPath()), stage.value(prim, "physics:principalAxes"), none=np.eye(3))
@@ -374,7 +378,11 @@ def _shapes(stage: Stage, pose: pin.SE3, parts: list[Any]) -> tuple[tuple[Shape,
     visuals: list[Shape] = []
     collisions: list[Shape] = []
     for prim in parts:
-        shape = _shape(stage, pose, prim)
+        try:
+            shape = _shape(stage, pose, prim)
+        except FileFormatError as error:
+            stage.note(str(prim.GetPath()), f"left out: {str(error).partition('> ')[2]}")
+            continue
         if shape is not None:
             collides = prim.HasAPI(stage.usd.UsdPhysics.CollisionAPI)
             guide = stage.value(prim, "purpose") == "guide"
@@ -387,11 +395,7 @@ def _shapes(stage: Stage, pose: pin.SE3, parts: list[Any]) -> tuple[tuple[Shape,
 
 def _shape(stage: Stage, pose: pin.SE3, prim: Any) -> Shape | None:
     kind = prim.GetTypeName()
-    try:
-        placed, scale = stage.pose(prim)
-    except FileFormatError as error:
-        stage.note(str(prim.GetPath()), f"left out: {str(error).partition('> ')[2]}")
-        return None
+    placed, scale = stage.pose(prim)
     metre = stage.metre
     sizes: tuple[float, ...]
     turn = np.eye(3)
@@ -405,13 +409,16 @@ def _shape(stage: Stage, pose: pin.SE3, prim: Any) -> Shape | None:
             sizes = (radius * float(scale[0]),) if even else tuple(radius * scale)
         case "Cylinder" | "Capsule":
             made = ShapeKind.CYLINDER if kind == "Cylinder" else ShapeKind.CAPSULE
-            turn = _TURNS[str(stage.value(prim, "axis", "Z"))]
+            turn = _TURNS.get(stage.value(prim, "axis", "Z"), _TURNS["Z"])
             across, _, along = turn.T @ scale
             radius, height = (float(stage.value(prim, name, 1.0)) * metre for name in ("radius", "height"))
             sizes = (radius * float(abs(across)), height * float(abs(along)))
         case _:
             stage.note(str(prim.GetPath()), f"a {kind or 'shape'}: left out, only simple shapes are read")
             return None
+    fault = fault_of_sizes(made, sizes)
+    if fault:
+        raise stage.error(str(prim.GetPath()), f"is no shape: {fault}")
     name = stage.own(prim, "shape", "")
     placement = pose.inverse() * placed * pin.SE3(turn, np.zeros(3))
     return Shape(made, tuple(map(float, sizes)), placement, name, material=_material(stage, prim))

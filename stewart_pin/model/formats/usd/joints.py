@@ -249,7 +249,7 @@ class JointReader:
     def _end(self, prim: Any, path: str, number: int) -> tuple[str, pin.SE3]:
         """Find the body at one end, and the frame of the joint in it."""
         stage = self.stage
-        targets = prim.GetRelationship(f"physics:body{number}").GetForwardedTargets()
+        targets = stage.targets(prim, f"physics:body{number}")
         if len(targets) > 1:
             raise stage.error(path, f"names {len(targets)} bodies as physics:body{number}; name one")
         position = np.array(stage.value(prim, f"physics:localPos{number}", (0.0, 0.0, 0.0)), dtype=float)
@@ -377,7 +377,10 @@ class JointReader:
         units = dict(zip("XYZ", np.eye(3), strict=True))
         if str(prim.GetTypeName()) in _TYPED:
             if edge.kind in WITH_AXIS:
-                return replace(edge, axis=units[str(self.stage.value(prim, "physics:axis", "X"))])
+                token = self.stage.value(prim, "physics:axis", "X")
+                if token not in units:
+                    raise self.stage.error(edge.path, f"has the physics:axis {token}; it is X, Y or Z")
+                return replace(edge, axis=units[token])
             return edge
         match edge.kind:
             case JointKind.UNIVERSAL:
@@ -452,6 +455,8 @@ class JointReader:
         )
         if stage.own(prim, "axis2") is None:
             axis2 = np.array([0.0, 1.0, 0.0])
+        if any(np.abs(one).max() > 2 or abs(np.linalg.norm(one) - 1) > 1e-9 for one in (axis, axis2)):
+            return None
         turned = schema_frames(edge.kind, *frames, axis, axis2)
         if not (
             _same_frame(turned.frame0, edge.frames[0]) and _same_frame(turned.frame1, edge.frames[1])

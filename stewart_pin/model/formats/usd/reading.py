@@ -140,6 +140,8 @@ def _gravity(stage: Stage, root: Any, bodies: Mapping[str, Body]) -> tuple[float
         direction = meant(stage.value(prim, "physics:gravityDirection", (0.0, 0.0, 0.0)))
         size = float(meant([stage.value(prim, "physics:gravityMagnitude", -np.inf)])[0])
         size = _EARTH if size < 0 else size * stage.metre
+        if not np.isfinite([*direction, max(size, 0.0)]).all():
+            raise stage.error(str(prim.GetPath()), "states a gravity that is not finite")
         length = float(np.linalg.norm(direction))
         fall = size * (direction / length if length > 0 else down)
         if found and not np.allclose(fall, found[0]):
@@ -236,16 +238,16 @@ def _mimic(stage: Stage, prim: Any, edge: Edge, by_path: Mapping[str, Edge]) -> 
     """Read a joint that follows another: angles are degrees, and PhysX has the other signs."""
     targets: list[Any] = []
     offset = factor = 0.0
-    newton = prim.GetRelationship("newton:mimicJoint")
+    newton = stage.targets(prim, "newton:mimicJoint")
     if newton and stage.value(prim, "newton:mimicEnabled", True):
-        targets = newton.GetForwardedTargets()
+        targets = newton
         offset, factor = (
             float(meant([stage.value(prim, f"newton:mimicCoef{k}", float(k))])[0]) for k in (0, 1)
         )
     for dof in ("rotX", "rotY", "rotZ"):
-        physx = prim.GetRelationship(f"physxMimicJoint:{dof}:referenceJoint")
+        physx = stage.targets(prim, f"physxMimicJoint:{dof}:referenceJoint")
         if physx and not targets:
-            targets = physx.GetForwardedTargets()
+            targets = physx
             offset, factor = (
                 -float(meant([stage.value(prim, f"physxMimicJoint:{dof}:{word}", default)])[0])
                 for word, default in (("offset", 0.0), ("gearing", 1.0))

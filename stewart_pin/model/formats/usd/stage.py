@@ -7,7 +7,7 @@ may have changed since.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -205,6 +205,78 @@ def placement_of(matrix: Any) -> pin.SE3:
     return pin.SE3(numbers[:3, :3].T.copy(), numbers[3, :3].copy())
 
 
+# ----------------------------------------------------------------------------------------------------
+# Values that are what their names say: a file may give an attribute any type
+# ----------------------------------------------------------------------------------------------------
+
+_FAR_UNIT = 1e15
+"""Metres and kilograms per unit, and units per these, beyond which a unit is none."""
+_FAR = 1e30
+"""Largest entry of a transformation."""
+_Fitting = tuple[Callable[[Any], bool], str]
+
+
+def _are_numbers(count: int | None = None, axes: int = 1, *, finite: bool = False) -> _Fitting:
+    def fits(value: Any) -> bool:
+        try:
+            numbers = np.array(value, dtype=float)
+        except (TypeError, ValueError):
+            return False
+        return (
+            numbers.ndim == axes
+            and count in (None, numbers.shape[0])
+            and bool(np.isfinite(numbers).all() if finite else not np.isnan(numbers).any())
+        )
+
+    return fits, f"{count or 'some'}{' finite' if finite else ''} numbers"
+
+
+def _is_placement(value: Any) -> bool:
+    if not _are_numbers(4, 2)[0](value) or np.shape(value) != (4, 4):
+        return False
+    rotation = np.array(value)[:3, :3]
+    if not (np.abs(rotation).max() <= 2 and np.isfinite(value).all()):
+        return False
+    return bool(np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-9)
+
+
+_TEXT: _Fitting = (lambda value: isinstance(value, str), "a text")
+_FLAG: _Fitting = (lambda value: isinstance(value, bool | int), "a flag")
+_NUMBER: _Fitting = (lambda value: isinstance(value, int | float), "a number")
+_TURN: _Fitting = (lambda value: hasattr(value, "GetReal"), "a quaternion")
+_FITTING: dict[str, _Fitting] = {
+    "physics:localRot0": _TURN,
+    "physics:localRot1": _TURN,
+    "physics:principalAxes": _TURN,
+    "primvars:displayColor": _are_numbers(None, 2),
+    "primvars:displayOpacity": _are_numbers(),
+    **{
+        f"{OWN}{name}": _are_numbers(count, finite=True)
+        for name, count in {"inertia": 10, "gravity": 3, "axis": 3}.items()
+    },
+    **{f"{OWN}{name}": _are_numbers(count, finite=True) for name, count in {"axis2": 3, "length": 1}.items()},
+    **{f"{OWN}{name}": _are_numbers(finite=name != "bounds") for name in ("bounds", "home", "polynomial")},
+    **{f"{OWN}frame{number}": (_is_placement, "a placement") for number in (0, 1)},
+    **{f"{OWN}{name}": _FLAG for name in ("motor", "massless", "odd_inertia", "assembled")},
+    **{f"{OWN}{name}": _TEXT for name in ("link", "joint", "kind", "robot", "platform", "shape")},
+    **{f"{OWN}{name}": _TEXT for name in ("coupling", "joint1", "joint2")},
+}
+
+
+def _like(default: Any) -> _Fitting:
+    """Tell what a value is that may have this default."""
+    match default:
+        case bool():
+            return _FLAG
+        case float():
+            return _NUMBER
+        case str():
+            return _TEXT
+        case tuple():
+            return _are_numbers(len(default) or None)
+    return (lambda _: True), "anything"
+
+
 @dataclass(eq=False)
 class Stage:
     """An open stage, with what is found in it.
@@ -297,7 +369,35 @@ class Stage:
         """
         attribute = prim.GetAttribute(name)
         value = attribute.Get(self.usd.Usd.TimeCode.EarliestTime()) if attribute else None
-        return default if value is None else value
+        if value is None:
+            return default
+        fits, kind = _FITTING.get(name) or _like(default)
+        if not fits(value):
+            raise self.error(str(prim.GetPath()), f"has {name} = {str(value)[:60]}, and it has to be {kind}")
+        return value
+
+    def targets(self, prim: Any, name: str) -> list[Any]:
+        """Find what a relationship leads to.
+
+        Parameters
+        ----------
+        prim
+            Its prim.
+        name
+            Its name.
+
+        Returns
+        -------
+        list
+            Paths; none where the prim has no such relationship.
+        """
+        relation = prim.GetRelationship(name)
+        try:
+            return list(relation.GetForwardedTargets()) if relation else []
+        except self.usd.Tf.ErrorException as error:
+            raise self.error(
+                str(prim.GetPath()), f"has a relationship {name} that fails: {_last(error)}"
+            ) from None
 
     def own(self, prim: Any, name: str, default: Any = None) -> Any:
         """Read a word of our own.
@@ -333,11 +433,18 @@ class Stage:
         scale : numpy.ndarray
             (3,) scale along its axes (dimensionless).
         """
-        matrix = np.array(self.cache.GetLocalToWorldTransform(prim))
+        name = str(prim.GetPath())
+        try:
+            matrix = np.array(self.cache.GetLocalToWorldTransform(prim))
+        except self.usd.Tf.ErrorException as error:
+            raise self.error(name, f"has no transformation: {_last(error)}") from None
+        if not np.abs(matrix).max() <= _FAR:
+            raise self.error(
+                name, "has a transformation that is not finite, or far away; correct its xformOps"
+            )
         columns = matrix[:3, :3].T
         scale = np.linalg.norm(columns, axis=0)
-        name = str(prim.GetPath())
-        if not (np.isfinite(matrix).all() and scale.min() > 0):
+        if not (np.isfinite(matrix).all() and scale.min() > 0 and scale.max() < np.inf):
             raise self.error(
                 name, "has a transformation that is not finite, or has no size; correct its xformOps"
             )
@@ -384,9 +491,19 @@ def open_stage(path: Path) -> Stage:
         stage = modules.Usd.Stage.Open(layer, modules.Usd.Stage.LoadAll)
     except modules.Tf.ErrorException as error:
         raise FileFormatError(_reason(error), path=str(path), culprit="stage") from None
-    units = (modules.UsdGeom.GetStageMetersPerUnit(stage), modules.UsdPhysics.GetStageKilogramsPerUnit(stage))
+    try:
+        stage.GetDefaultPrim()
+        modules.UsdGeom.GetStageUpAxis(stage)
+        units = (
+            modules.UsdGeom.GetStageMetersPerUnit(stage),
+            modules.UsdPhysics.GetStageKilogramsPerUnit(stage),
+        )
+    except modules.Tf.ErrorException as error:
+        raise FileFormatError(
+            f"the stage says nothing of units or prims: {_last(error)}", path=str(path), culprit="stage"
+        ) from None
     for unit in units:
-        if not (np.isfinite(unit) and unit > 0):
+        if not 1 / _FAR_UNIT <= unit <= _FAR_UNIT:
             raise FileFormatError(f"the stage has units of {units} m, kg", path=str(path), culprit="stage")
     opened = Stage(modules, stage, path, float(units[0]), float(units[1]))
     if not modules.UsdGeom.StageHasAuthoredMetersPerUnit(stage):
@@ -422,8 +539,12 @@ def _layer(modules: Any, name: str, path: Path, asset: str = "") -> Any:
 
 def _reason(error: Exception) -> str:
     """Give what OpenUSD says, in one line."""
+    return f"OpenUSD cannot open this file: {_last(error)}"
+
+
+def _last(error: Exception) -> str:
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-    return "OpenUSD cannot open this file: " + (lines[-1] if lines else "no reason given")[-300:]
+    return (lines[-1] if lines else "no reason given")[-300:]
 
 
 def _look_through(modules: Any, layer: Any, path: Path) -> None:
