@@ -19,6 +19,7 @@ from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
 from stewart_pin.model.description import Joint, JointKind, Link, Mechanism
 from stewart_pin.model.formats.precision import Precision, printed_precision
 from stewart_pin.model.formats.reading import read_mechanism
+from stewart_pin.model.formats.words import telling_strangers
 from stewart_pin.model.roles import platform_candidates
 from stewart_pin.model.shapes import DRAWN
 from stewart_pin.model.tree import build_tree
@@ -101,7 +102,8 @@ def load(
         forgiven = printed_precision(Path(mechanism.source), side_car)
     else:
         forgiven = as_positive("closure_tolerance", closure_tolerance)
-    return build_chain(mechanism, motors=motors, platform=platform, gravity=gravity, forgiven=forgiven)
+    with telling_strangers(mechanism.notes):
+        return build_chain(mechanism, motors=motors, platform=platform, gravity=gravity, forgiven=forgiven)
 
 
 def _without_drawn(mechanism: Mechanism) -> Mechanism:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import Joint, JointKind, Mechanism
 
 
@@ -25,7 +26,20 @@ def mark_motors(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:
     -------
     Mechanism
         The same machine; the motors stand in their order, each where the description had one of them.
+
+    Raises
+    ------
+    MechanismError
+        If several joints have the name of one.
     """
+    every = [joint.name for joint in mechanism.joints]
+    for name in names:
+        if every.count(name) > 1:
+            raise MechanismError(
+                f"{every.count(name)} joints are called '{name}'; rename all but one",
+                path=mechanism.source,
+                culprit=name,
+            )
     in_order = iter([mechanism.joint(name) for name in names])
     motors = set(names)
     joints = tuple(

@@ -26,7 +26,7 @@ MISTAKES = {
     "fusion link": (
         PIN.format(kind="fixed", content=f"{ENDS}{TIPS}"), "loop_joint 'pin' names the missing link 'rocker'",
     ),
-    "drake body": (DRAKE_BALL.replace("body_A", "body_C"), "needs a <drake:ball_constraint_body_A>"),
+    "drake body": (DRAKE_BALL.replace("body_A", "body_C"), "is <drake:ball_constraint_body_A> meant"),
     "drake text": (DRAKE_BALL.replace('value="1 0 0"', 'value="1 0"'), "must hold 3 numbers"),
     "drake type": (drake_joint("curvilinear"), "type 'curvilinear'; supported: ball, planar, screw, universal"),
     "drake pitch": (drake_joint("screw"), "needs a <drake:screw_thread_pitch>"),

@@ -249,7 +249,7 @@ MISTAKES = {
     "home value": (home(elbow="up"), "must hold numbers, got 'up'"),
     "home twice": (home(elbow="1").replace("</g", '<joint name="elbow" value="2"/></g'), "stands there twice"),
     "home child": ('<group_state name="home"><chain/></group_state>', "<chain> of <group_state>"),
-    "gravity": ("<gravity>0 0 -9.81</gravity>", "lacks 'xyz'"),
+    "gravity": ("<gravity>0 0 -9.81</gravity>", "the text '0 0 -9.81' .* it may have xyz"),
     "two platforms": ('<end_effector name="platform" parent_link="arm"/>' * 2, "2 <end_effector"),
 }  # fmt: skip
 

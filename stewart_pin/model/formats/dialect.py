@@ -21,7 +21,8 @@ from lxml import etree
 
 from stewart_pin.errors import FileFormatError, InputError, UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
-from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.formats.urdf_elements import CORE, UrdfElements
+from stewart_pin.model.formats.words import Grammar, Words
 from stewart_pin.model.unfolding import Unfolded
 
 
@@ -85,6 +86,8 @@ class Dialect:
     tags
         Reader of every tag that belongs to the dialect: ``{"robot/loop": read_loop, "joint/mimic": read_mimic}``,
         the parent's tag first, prefixes as in the file.
+    words
+        What its elements may hold.
     complete
         Last step, after all tags of the file have been read: finds what stands in names or in the shape of the
         tree; None: there is no such step.
@@ -101,6 +104,7 @@ class Dialect:
     name: str
     title: str
     tags: Mapping[str, TagReader] = field(default_factory=dict)
+    words: Mapping[str, Words] = field(default_factory=dict)
     complete: Callable[[Mechanism], Mechanism] | None = None
     suffixes: tuple[str, ...] = ()
     mark: str = ""
@@ -134,6 +138,25 @@ def claimed_tags() -> Mapping[str, Dialect]:
         Dialect of each ``parent/tag``.
     """
     return {tag: dialect for dialect in dialects() for tag in dialect.tags}
+
+
+@cache
+def grammar() -> Grammar:
+    """Collect the words of URDF and of all dialects.
+
+    Returns
+    -------
+    dict
+        What each element may hold; the tags that dialects claim among them.
+    """
+    words = dict(CORE)
+    for dialect in dialects():
+        words |= dialect.words
+    for claimed in claimed_tags():
+        parent, _, tag = claimed.partition("/")
+        key = f"robot/{parent}" if f"robot/{parent}" in words else parent
+        words[key] = replace(words[key], tags=(*words[key].tags, tag))
+    return words
 
 
 def add_parts(mechanism: Mechanism, parts: Parts, title: str) -> Mechanism:

@@ -24,6 +24,7 @@ from stewart_pin.model.formats.dialect import (
     dialects,
     find_beside,
     found_notes,
+    grammar,
 )
 from stewart_pin.model.formats.urdf_core import (
     joint_tags,
@@ -36,6 +37,7 @@ from stewart_pin.model.formats.urdf_core import (
     read_platform,
 )
 from stewart_pin.model.formats.urdf_elements import SHAPE_TAGS, UrdfElements, is_used
+from stewart_pin.model.formats.words import check_words, telling_strangers
 from stewart_pin.model.formats.xml import reason_to_ignore, shown_tag
 from stewart_pin.model.roles import mark_motors
 from stewart_pin.model.unfolding import cut_second_parents
@@ -136,29 +138,30 @@ def read_urdf(path: Path, *, loops: Path | None = None) -> Mechanism:
         If a joint that would have to be cut is a motor.
     """
     reader = _UrdfReader(path)
-    mechanism = reader.read()
-    is_complete = reader.root.get(COMPLETE[0]) is not None
-    if is_complete and loops is not None:
-        raise reader.error(
-            f"<robot {COMPLETE[0]}='{COMPLETE[1]}'> has all its loops, and {loops.name} would add them again; load the "
-            f"URDF alone, or take the attribute '{COMPLETE[0]}' off",
-            "<robot>",
-        )
-    side_car = find_beside(path) if loops is None and not is_complete else loops
-    if side_car is not None:
-        mechanism = add_side_car(mechanism, side_car)
-    for dialect in dialects():
-        if dialect.complete is not None:
-            mechanism = dialect.complete(mechanism)
-    second_parents = len(mechanism.joints) > len({joint.child for joint in mechanism.joints})
-    return cut(mechanism) if second_parents else mechanism
+    with telling_strangers(reader.notes):
+        mechanism = reader.read()
+        is_complete = reader.root.get(COMPLETE[0]) is not None
+        if is_complete and loops is not None:
+            raise reader.error(
+                f"<robot {COMPLETE[0]}='{COMPLETE[1]}'> has all its loops, and {loops.name} would add them again; "
+                f"load the URDF alone, or take the attribute '{COMPLETE[0]}' off",
+                "<robot>",
+            )
+        side_car = find_beside(path) if loops is None and not is_complete else loops
+        if side_car is not None:
+            mechanism = add_side_car(mechanism, side_car)
+        for dialect in dialects():
+            if dialect.complete is not None:
+                mechanism = dialect.complete(mechanism)
+        second_parents = len(mechanism.joints) > len({joint.child for joint in mechanism.joints})
+        return cut(mechanism) if second_parents else mechanism
 
 
 class _UrdfReader(UrdfElements):
     def read(self) -> Mechanism:
         if self.root.tag != "robot":
             raise self.error(f"the root element is <{shown_tag(self.root)}>, a URDF has <robot>", "<robot>")
-        self.ignore_attributes(self.root, "the file", ("name", "version", COMPLETE[0]))
+        check_words(self, self.root, grammar(), self.note)
         if self.root.get(*COMPLETE) != COMPLETE[1]:
             raise self.error(
                 f"<robot {COMPLETE[0]}='{self.root.get(COMPLETE[0])}'>: it may be '{COMPLETE[1]}', for a file that no "

@@ -20,13 +20,18 @@ from lxml import etree
 from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Outcome, loop_coordinates
 from stewart_pin.model.formats.dialect import Parts
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
-from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES, SHAPE_TAGS, UrdfElements, read_shapes
+from stewart_pin.model.formats.urdf_elements import (
+    BOTH_SIDES,
+    CONES,
+    INERTIA_ENTRIES,
+    LIMITS,
+    SHAPE_TAGS,
+    UrdfElements,
+    read_shapes,
+)
 from stewart_pin.model.formats.xml import UNLIMITED
 from stewart_pin.model.unfolding import Unfolded, unfold_cylindrical, unfold_planar, unfold_universal
 from stewart_pin.typing import FloatArray
-
-_BOTH_SIDES = ("effort", "velocity", "acceleration", "jerk")
-"""Limits of which a file gives one number for both directions."""
 
 JOINT_TYPES = {
     "fixed": JointKind.FIXED,
@@ -62,7 +67,6 @@ def read_link(reader: UrdfElements, element: etree._Element) -> Parts:
     """
     name = reader.text(element, "name", "a <link>")
     owner = f"link '{name}'"
-    reader.ignore_attributes(element, owner, ("name", "type"))
     inertial = reader.optional(element, "inertial", owner)
     inertia = None if inertial is None else _inertia(reader, inertial, owner)
     visuals, collisions = (read_shapes(reader, element, tag, owner) for tag in SHAPE_TAGS)
@@ -70,10 +74,7 @@ def read_link(reader: UrdfElements, element: etree._Element) -> Parts:
 
 
 def _inertia(reader: UrdfElements, inertial: etree._Element, owner: str) -> pin.Inertia:
-    reader.only(inertial, owner, (), ("origin", "mass", "inertia"))
     mass_element, entries = reader.child(inertial, "mass", owner), reader.child(inertial, "inertia", owner)
-    reader.only(mass_element, owner, ("value",))
-    reader.only(entries, owner, (*INERTIA_ENTRIES, *(_swapped(key) for key in ("ixy", "ixz", "iyz"))))
     mass = float(reader.numbers(mass_element, "value", 1, owner)[0])
     matrix = np.empty((3, 3))
     for key, (i, j) in INERTIA_ENTRIES.items():
@@ -126,7 +127,6 @@ def read_joint(reader: UrdfElements, element: etree._Element) -> Parts:
             f"{owner} has the type '{written}'; supported: {', '.join(sorted(JOINT_TYPES))}", owner
         )
     kind = JOINT_TYPES[written]
-    reader.ignore_attributes(element, owner, ("name", "type", "independent"))
     ends = reader.ends(element, owner)
     placement, independent = reader.origin(element, owner), reader.flag(element, "independent", owner)
     if kind not in _UNFOLDED:
@@ -158,6 +158,8 @@ def _with_axis(reader: UrdfElements, element: etree._Element, joint: Joint) -> J
     """Add axis and limits."""
     # Exporters write <axis xyz="0 0 0"> and limits into fixed joints; only one-freedom joints have them.
     owner = f"joint '{joint.name}'"
+    if joint.kind is JointKind.FLOATING and element.find("limit") is not None:
+        reader.note(owner, "<limit>: which freedom of a floating joint it limits is not said")
     if joint.kind is JointKind.SPHERICAL:
         return replace(joint, **_cones(reader, element, owner))
     if not joint.has_axis:
@@ -188,7 +190,7 @@ def _unfold(
 def _cones(reader: UrdfElements, joint: etree._Element, owner: str) -> dict[str, float]:
     """Read how far a ball may swing and turn."""
     element = reader.optional(joint, "limit", owner)
-    return {} if element is None else _numbers(reader, element, owner, ("swing", "turn"))
+    return {} if element is None else _numbers(reader, element, owner, CONES)
 
 
 def read_limit(
@@ -213,8 +215,7 @@ def read_limit(
         By the fields of `Joint`; what is absent, or so large that it means none, is infinite or missing [m, rad, N, N m
         and their rates].
     """
-    keys = ("lower", "upper", *_BOTH_SIDES, *(f"least_{key}" for key in _BOTH_SIDES), "deceleration")
-    limits = _numbers(reader, element, owner, keys)
+    limits = _numbers(reader, element, owner, LIMITS)
     if "deceleration" in limits:
         # Which end of an acceleration brakes changes with the direction of the motion.
         braking = limits.pop("deceleration")
@@ -223,13 +224,13 @@ def read_limit(
             text = f"<limit deceleration>: accelerations are limited alike to both sides, to {least:g}"
             reader.note(owner, text, Outcome.CHANGED)
             limits["acceleration"] = least
-    empty = [key for key in _BOTH_SIDES if limits.get(key) == 0.0 and f"least_{key}" not in limits]
+    empty = [key for key in BOTH_SIDES if limits.get(key) == 0.0 and f"least_{key}" not in limits]
     if empty:
         # What exporters write for what they were not told; a joint that may do nothing would be fixed.
         reader.note(owner, f"<limit {', '.join(empty)}> of 0: taken for not stated", Outcome.CHANGED)
         limits = {key: value for key, value in limits.items() if key not in empty}
     found: dict[str, float | tuple[float, float]] = dict(limits)
-    for key in _BOTH_SIDES:
+    for key in BOTH_SIDES:
         if f"least_{key}" in limits:
             least, most = limits[f"least_{key}"], limits.get(key, np.inf)
             found[key] = most if least == -most else (least, most)
@@ -283,7 +284,9 @@ def _one(value: float | tuple[float, float]) -> float:
 def _numbers(
     reader: UrdfElements, element: etree._Element, owner: str, keys: tuple[str, ...]
 ) -> dict[str, float]:
-    reader.ignore_attributes(element, owner, keys)
+    for name in element.attrib:
+        if name not in keys and name in (*LIMITS, *CONES):
+            reader.note(owner, f"attribute '{name}' of <limit>: a joint of its type has none")
     for child in element.iterchildren(etree.Element):
         reader.ignore(child, owner)
     limits = {key: float(reader.numbers(element, key, 1, owner)[0]) for key in keys if key in element.attrib}
@@ -362,13 +365,11 @@ def read_home(reader: UrdfElements) -> Mapping[str, FloatArray]:
     if len(states) > 1:
         raise reader.error(f"{len(states)} <group_state name='home'>; keep one", "home")
     for state in states:
-        reader.only(state, "group_state 'home'", ("name", "group", "assembled"), ("joint",))
         for element in state:
             name = reader.text(element, "name", "group_state 'home'")
             owner = f"joint '{name}' of group_state 'home'"
             if name in home:
                 raise reader.error(f"{owner} stands there twice; keep one", owner)
-            reader.only(element, owner, ("name", "value"))
             home[name] = reader.parse(reader.text(element, "value", owner), None, owner, owner)
     return home
 
@@ -406,7 +407,6 @@ def read_gravity(reader: UrdfElements) -> tuple[float, float, float] | None:
     element = reader.optional(reader.root, "gravity", "the file")
     if element is None:
         return None
-    reader.only(element, "<gravity>", ("xyz",))
     x, y, z = map(float, reader.numbers(element, "xyz", 3, "<gravity>"))
     return x, y, z
 
@@ -429,7 +429,6 @@ def read_odd_inertias(reader: UrdfElements, links: tuple[Link, ...]) -> frozense
     odd: set[str] = set()
     for element in reader.root.findall("odd_inertia"):
         name = reader.text(element, "link", "<odd_inertia>")
-        reader.only(element, "<odd_inertia>", ("link",))
         if name not in [link.name for link in links]:
             raise reader.error(
                 f"<odd_inertia> (line {element.sourceline}) names the missing link '{name}'; correct the name",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from lxml import etree
 from stewart_pin.errors import FileFormatError
 from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Note, Outcome
+from stewart_pin.model.formats.words import Strange, Words
 from stewart_pin.model.formats.xml import ElementReader, read_xml, reason_to_ignore, shown_tag
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, fault_of_sizes
 from stewart_pin.tolerances import NO_DIRECTION
@@ -19,6 +19,70 @@ from stewart_pin.typing import FloatArray
 
 INERTIA_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 """Attributes of ``<inertia>`` and their places in the matrix."""
+BOTH_SIDES = ("effort", "velocity", "acceleration", "jerk")
+"""Limits of which a file gives one number for both directions."""
+LIMITS = ("lower", "upper", *BOTH_SIDES, *(f"least_{key}" for key in BOTH_SIDES), "deceleration")
+"""Attributes of the ``<limit>`` of a joint of one freedom."""
+CONES = ("swing", "turn")
+"""Attributes of the ``<limit>`` of a ball."""
+
+_LOOK = Strange.TOLD
+_FRICTION = "friction and damping are arguments of the simulation"
+CORE = {
+    "robot": Words(
+        ("loops",),
+        ("link", "joint", "material", "group_state", "end_effector", "gravity", "odd_inertia"),
+        {"@name": "name of the robot", "@version": "of the format"},
+        strange=Strange.NOTED,
+        told_by_reader=True,
+    ),
+    "robot/link": Words(
+        ("name",),
+        ("inertial", "visual", "collision"),
+        {"@type": "a word of old files"},
+        strange=Strange.NOTED,
+        told_by_reader=True,
+    ),
+    "inertial": Words((), ("origin", "mass", "inertia")),
+    "inertial/mass": Words(("value",)),
+    "inertial/inertia": Words((*INERTIA_ENTRIES, "iyx", "izx", "izy")),
+    "origin": Words(("xyz", "rpy")),
+    "robot/joint": Words(
+        ("name", "type", "independent"),
+        ("parent", "child", "origin", "axis", "axis2", "limit"),
+        strange=Strange.NOTED,
+        told_by_reader=True,
+    ),
+    "joint/parent": Words(("link",)),
+    "joint/child": Words(("link",)),
+    "axis": Words(("xyz",)),
+    "axis2": Words(("xyz",)),
+    "limit": Words((*LIMITS, *CONES), strange=Strange.NOTED, told_by_reader=True),
+    "visual": Words((), ("origin", "geometry", "material"), {"@name": "name of a shape"}, strange=_LOOK),
+    "collision": Words((), ("origin", "geometry"), {"@name": "name of a shape"}, strange=_LOOK),
+    "geometry": Words((), tuple(ShapeKind), {"drake:capsule": "", "drake:ellipsoid": ""}, strange=_LOOK),
+    "geometry/box": Words(("size",), strange=_LOOK),
+    "geometry/cylinder": Words(("radius", "length"), strange=_LOOK),
+    "geometry/sphere": Words(("radius",), strange=_LOOK),
+    "geometry/capsule": Words(("radius", "length"), strange=_LOOK),
+    "geometry/drake:capsule": Words(("radius", "length"), strange=_LOOK),
+    "geometry/drake:ellipsoid": Words(("a", "b", "c"), strange=_LOOK),
+    "geometry/mesh": Words(("filename", "scale"), strange=_LOOK),
+    "material": Words(("name",), ("color", "texture"), strange=_LOOK),
+    "material/color": Words(("rgba",), strange=_LOOK),
+    "material/texture": Words(("filename",), strange=_LOOK),
+    "group_state": Words(("name", "assembled"), ("joint",), {"@group": "all joints are read"}),
+    "group_state/joint": Words(("name", "value")),
+    "end_effector": Words(
+        ("name", "parent_link"),
+        (),
+        {"@group": "the link alone is read", "@parent_group": "the link alone is read"},
+        strange=Strange.NOTED,
+    ),
+    "robot/gravity": Words(("xyz",)),
+    "odd_inertia": Words(("link",)),
+}
+"""Words of URDF and SRDF, and of what `save` adds."""
 
 
 class UrdfElements(ElementReader):
@@ -62,7 +126,6 @@ class UrdfElements(ElementReader):
         origin = self.optional(element, tag, owner)
         if origin is None:
             return pin.SE3.Identity()
-        self.only(origin, owner, ("xyz", "rpy"))
         return self.pose(origin, owner)
 
     def pose(self, element: etree._Element, owner: str) -> pin.SE3:
@@ -83,9 +146,7 @@ class UrdfElements(ElementReader):
         xyz = self.numbers(element, "xyz", 3, owner, default="0 0 0")
         return pin.SE3(rotation_from_rpy(*self.numbers(element, "rpy", 3, owner, default="0 0 0")), xyz)
 
-    def axis(
-        self, element: etree._Element, owner: str, tag: str, default: str, extra: Collection[str] = ()
-    ) -> FloatArray:
+    def axis(self, element: etree._Element, owner: str, tag: str, default: str) -> FloatArray:
         """Read a direction.
 
         Parameters
@@ -98,8 +159,6 @@ class UrdfElements(ElementReader):
             Tag of the axis.
         default
             Text to use when the tag is absent; empty: it is required.
-        extra
-            Attributes besides ``xyz`` that the caller reads.
 
         Returns
         -------
@@ -109,7 +168,6 @@ class UrdfElements(ElementReader):
         axis = self.optional(element, tag, owner) if default else self.child(element, tag, owner)
         if axis is None:
             return self.parse(default, 3, owner, owner)
-        self.only(axis, owner, ("xyz", *extra))
         return self.direction(self.text(axis, "xyz", owner), f"{owner}: <{tag} xyz>", owner)
 
     def direction(self, text: str, where: str, owner: str) -> FloatArray:
@@ -174,8 +232,6 @@ class UrdfElements(ElementReader):
             Parent and child.
         """
         elements = [self.child(joint, tag, owner) for tag in ("parent", "child")]
-        for end in elements:
-            self.only(end, owner, ("link",))
         parent, child = (self.text(end, "link", owner) for end in elements)
         return parent, child
 
@@ -246,22 +302,6 @@ class UrdfElements(ElementReader):
         named = f" name='{element.get('name')}'" if element.get("name") and owner == "the file" else ""
         return f"<{shown_tag(element)}{named}>"
 
-    def ignore_attributes(self, element: etree._Element, owner: str, known: Collection[str]) -> None:
-        """Note the attributes that are not read.
-
-        Parameters
-        ----------
-        element
-            The element.
-        owner
-            Link or joint that holds it.
-        known
-            Attributes that are read.
-        """
-        for name in element.attrib:
-            if name not in known:
-                self.note(owner, f"attribute '{name}' of <{shown_tag(element)}>: unknown")
-
 
 # ----------------------------------------------------------------------------------------------------
 # Shapes of URDF: ``<visual>`` and ``<collision>`` of links, ``<material>`` of shapes and of the whole file
@@ -321,9 +361,6 @@ def read_shapes(reader: UrdfElements, link: etree._Element, tag: str, owner: str
 def _shape(reader: UrdfElements, element: etree._Element, owner: str) -> Shape:
     tag = shown_tag(element)
     material = reader.optional(element, "material", owner) if tag == "visual" else None
-    for inner in element.iterchildren(etree.Element):
-        if shown_tag(inner) not in ("origin", "geometry", *(("material",) if tag == "visual" else ())):
-            reader.ignore(inner, f"<{tag}> of {owner}")
     geometry = reader.child(element, "geometry", owner)
     inside = list(geometry.iterchildren(etree.Element))
     if len(inside) != 1:

@@ -25,6 +25,7 @@ from stewart_pin.model.formats.dialect import Dialect, Parts
 from stewart_pin.model.formats.dialects.mimic import write_mimics
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.urdf_writer import save, tree_element
+from stewart_pin.model.formats.words import Words
 from stewart_pin.model.formats.xml import number_text, shown_tag
 from stewart_pin.model.unfolding import unfold_planar, unfold_screw, unfold_universal
 
@@ -34,6 +35,7 @@ _WORLD = "world"
 _BALL = "drake:ball_constraint"
 _JOINTS = ("ball", "planar", "screw", "universal")
 _X, _Y = np.eye(3)[:2]
+_FRICTION = "friction and damping are arguments of the simulation"
 
 
 def _read_ball(reader: UrdfElements, element: etree._Element) -> Parts:
@@ -41,10 +43,7 @@ def _read_ball(reader: UrdfElements, element: etree._Element) -> Parts:
     links = [reader.text(body, "name", f"<{_BALL}>") for body in bodies]
     owner = f"ball_constraint of '{links[0]}' and '{links[1]}'"
     tags = [f"{_BALL}_{part}" for part in ("body_A", "body_B", "p_AP", "p_BQ")]
-    reader.only(element, owner, ("name",), tags)
     points = [reader.child(element, tag, owner) for tag in tags[2:]]
-    for leaf, attribute in zip((*bodies, *points), ("name", "name", "value", "value"), strict=True):
-        reader.only(leaf, owner, (attribute,))
     places = [pin.SE3(np.eye(3), reader.numbers(point, "value", 3, owner)) for point in points]
     name = element.get("name") or _free_name(reader, element, f"{links[0]}_{links[1]}_ball")
     return Parts(loops=(Loop(name, JointKind.SPHERICAL, links[0], links[1], *places),))
@@ -77,27 +76,18 @@ def _read_joint(reader: UrdfElements, element: etree._Element) -> Parts:
     reader.only(
         element, owner, ("name", "type"), ("parent", "child", "origin", "axis", "dynamics", "limit", *pitch)
     )
-    notes = tuple(
-        Note(owner, text)
-        for tag, text in (
-            ("dynamics", "<dynamics>: friction and damping are arguments of the simulation"),
-            ("limit", f"<limit>: Drake reads none for a {written} joint"),
-        )
-        if reader.optional(element, tag, owner) is not None
-    )
     parent, child = reader.ends(element, owner)
     place = reader.origin(element, owner)
     if written == "ball":
-        return Parts(joints=(Joint(name, JointKind.SPHERICAL, parent, child, place),), notes=notes)
+        return Parts(joints=(Joint(name, JointKind.SPHERICAL, parent, child, place),))
     if written == "universal":
-        return Parts.of(unfold_universal(name, parent, child, place, _X, _Y), notes)
+        return Parts.of(unfold_universal(name, parent, child, place, _X, _Y))
     axis = reader.axis(element, owner, "axis", "1 0 0")
     if written == "planar":
-        return Parts.of(unfold_planar(name, parent, child, place, axis), notes)
+        return Parts.of(unfold_planar(name, parent, child, place, axis))
     thread = reader.child(element, "drake:screw_thread_pitch", owner)
-    reader.only(thread, owner, ("value",))
     lead = float(reader.numbers(thread, "value", 1, owner)[0])
-    return Parts.of(unfold_screw(name, parent, child, place, axis, lead), notes)
+    return Parts.of(unfold_screw(name, parent, child, place, axis, lead))
 
 
 def _refuse_bushing(reader: UrdfElements, element: etree._Element) -> Parts:
@@ -195,6 +185,19 @@ DIALECT = Dialect(
         "robot/drake:joint": _read_joint,
         "robot/drake:linear_bushing_rpy": _refuse_bushing,
         "robot/drake:linear_spring_damper": _note_spring,
+    },
+    {
+        _BALL: Words(("name",), tuple(f"{_BALL}_{part}" for part in ("body_A", "body_B", "p_AP", "p_BQ"))),
+        **{f"{_BALL}_body_{end}": Words(("name",)) for end in "AB"},
+        **{f"{_BALL}_{point}": Words(("value",)) for point in ("p_AP", "p_BQ")},
+        "robot/drake:joint": Words(
+            ("name", "type"),
+            ("parent", "child", "origin", "axis", "drake:screw_thread_pitch"),
+            {"dynamics": _FRICTION, "limit": "Drake reads none for joints of these types"},
+        ),
+        "drake:joint/parent": Words(("link",)),
+        "drake:joint/child": Words(("link",)),
+        "drake:screw_thread_pitch": Words(("value",)),
     },
     write=write_drake,
 )

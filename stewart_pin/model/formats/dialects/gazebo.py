@@ -21,7 +21,7 @@ from stewart_pin.model.description import Bounds, JointKind, Loop, Mechanism, No
 from stewart_pin.model.formats.dialect import AT_ZERO, Dialect, Parts, relative_at_zero
 from stewart_pin.model.formats.dialects.mimic import couple, take_mimic_plugins
 from stewart_pin.model.formats.urdf_elements import UrdfElements
-from stewart_pin.model.formats.xml import shown_tag
+from stewart_pin.model.formats.words import Strange, Words
 from stewart_pin.typing import FloatArray
 
 _TYPES = {
@@ -34,7 +34,39 @@ _TYPES = {
 }
 _FAR = 1e16
 """SDFormat's number for no limit."""
-_IN_AXIS = ("xyz", "limit", "dynamics", "use_parent_model_frame", "initial_position")
+_NO_COORDINATE = "a joint that closes a loop has no coordinate"
+_AXIS = Words(
+    (),
+    ("xyz", "limit", "use_parent_model_frame"),
+    {"dynamics": _NO_COORDINATE, "initial_position": _NO_COORDINATE},
+)
+_TEXT = Words(text=True)
+_SETTINGS = "simulator settings"
+_WORDS = {
+    "robot/gazebo": Words(("reference",), ("joint", "plugin"), strange=Strange.NOTED, told_by_reader=True),
+    "gazebo/joint": Words(
+        ("name", "type"),
+        ("parent", "child", "pose", "axis", "axis2"),
+        {"physics": _SETTINGS, "sensor": _SETTINGS},
+    ),
+    **{f"gazebo/joint/{tag}": _TEXT for tag in ("parent", "child", "pose")},
+    "gazebo/joint/axis": _AXIS,
+    "gazebo/joint/axis2": _AXIS,
+    **{
+        f"joint/{axis}/{tag}": _TEXT
+        for axis in ("axis", "axis2")
+        for tag in ("xyz", "use_parent_model_frame")
+    },
+    **{
+        f"joint/{axis}/limit": Words(
+            (),
+            ("lower", "upper", "velocity"),
+            {"effort": "no motor drives it", "stiffness": _SETTINGS, "dissipation": _SETTINGS},
+        )
+        for axis in ("axis", "axis2")
+    },
+    **{f"limit/{tag}": _TEXT for tag in ("lower", "upper", "velocity")},
+}
 
 
 def _read(reader: UrdfElements, element: etree._Element) -> Parts:
@@ -80,16 +112,10 @@ def _read_joint(reader: UrdfElements, element: etree._Element) -> Loop:
     if written not in _TYPES:
         raise reader.error(f"{owner} has the type '{written}'; supported: {', '.join(_TYPES)}", owner)
     kind = _TYPES[written]
-    for child in element.iterchildren(etree.Element):
-        if shown_tag(child) in ("physics", "sensor"):
-            reader.note(owner, f"<{shown_tag(child)}>: simulator settings")
-            element.remove(child)
-    reader.only(element, owner, ("name", "type"), ("parent", "child", "pose", "axis", "axis2"))
     parent, child = (reader.content(reader.child(element, tag, owner), owner) for tag in ("parent", "child"))
     pose = reader.optional(element, "pose", owner)
     placement = pin.SE3.Identity()
     if pose is not None:
-        reader.only(pose, owner, ())
         numbers = reader.parse(reader.content(pose, owner), 6, f"{owner}: <pose>", owner)
         placement = pin.SE3(rotation_from_rpy(*numbers[3:]), numbers[:3])
     loop = Loop(name, kind, parent, child, pin.SE3.Identity(), placement)
@@ -115,19 +141,16 @@ def _bounds(
     """Read what the coordinates may do; they are zero where all joints are, as the frames are placed."""
     found: list[Bounds] = []
     for tag in tags:
-        limit = reader.child(joint, tag, owner).find("limit")
+        limit = reader.optional(reader.child(joint, tag, owner), "limit", owner)
         if limit is None:
             found.append(Bounds())
             continue
-        reader.only(limit, owner, (), ("lower", "upper", "effort", "velocity", "stiffness", "dissipation"))
-        numbers = {
-            shown_tag(child): float(
-                reader.parse(reader.content(child, owner), 1, f"{owner}: <{shown_tag(child)}>", owner)[0]
-            )
-            for child in limit.iterchildren(etree.Element)
-        }
-        lower, upper = numbers.get("lower", -inf), numbers.get("upper", inf)
-        velocity = numbers.get("velocity", -1.0)
+        lower, upper, velocity = (
+            default
+            if (child := reader.optional(limit, tag, owner)) is None
+            else float(reader.parse(reader.content(child, owner), 1, f"{owner}: <{tag}>", owner)[0])
+            for tag, default in (("lower", -inf), ("upper", inf), ("velocity", -1.0))
+        )
         found.append(
             Bounds(
                 position=(-inf if lower <= -_FAR else lower, inf if upper >= _FAR else upper),
@@ -165,13 +188,8 @@ def _from_model(mechanism: Mechanism, loop: Loop, tag: str) -> FloatArray:
 
 def _axis(reader: UrdfElements, joint: etree._Element, tag: str, owner: str) -> FloatArray:
     axis = reader.child(joint, tag, owner)
-    reader.only(axis, owner, (), _IN_AXIS)
     xyz = reader.child(axis, "xyz", owner)
-    reader.only(xyz, owner, ())
-    for part in ("dynamics", "initial_position"):
-        if reader.optional(axis, part, owner) is not None:
-            reader.notes.append(Note(owner, f"<{part}>: a joint that closes a loop has no coordinate"))
     return reader.direction(reader.content(xyz, owner), f"{owner}: <{tag}>", owner)
 
 
-DIALECT = Dialect("gazebo", "Gazebo <gazebo>", {"robot/gazebo": _read})
+DIALECT = Dialect("gazebo", "Gazebo <gazebo>", {"robot/gazebo": _read}, _WORDS)

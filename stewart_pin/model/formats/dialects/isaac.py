@@ -25,8 +25,9 @@ from stewart_pin.model.description import AXIS_FREE_LOOPS, JointKind, Loop, Mech
 from stewart_pin.model.formats.dialect import AT_ZERO, Dialect, Parts, relative_at_zero
 from stewart_pin.model.formats.dialects.mimic import write_mimics
 from stewart_pin.model.formats.urdf_core import read_bounds
-from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.formats.urdf_elements import LIMITS, UrdfElements
 from stewart_pin.model.formats.urdf_writer import pose_attributes, save, tree_element
+from stewart_pin.model.formats.words import Words
 from stewart_pin.model.formats.xml import shown_tag
 
 _TYPES = {
@@ -53,8 +54,6 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
     ends = [end for end in element.iterchildren(etree.Element) if shown_tag(end) in ("link1", "link2")]
     if len(ends) != 2 or shown_tag(ends[0]) == "link2":
         raise reader.error(f"{owner} needs a <link1> and a <link2>", owner)
-    for end in ends:
-        reader.only(end, owner, ("link", "xyz", "rpy"))
     loop = Loop(
         name,
         kind,
@@ -73,14 +72,10 @@ def _read_points(reader: UrdfElements, element: etree._Element, loop: Loop) -> P
     reader.only(element, owner, ("name", "type"), known)
     link1, link2 = reader.ends(element, owner)
     origins = [reader.child(element, tag, owner) for tag in ("parent_origin", "child_origin")]
-    for origin in origins:
-        reader.only(origin, owner, ("xyz", "rpy"))
     axis = reader.optional(element, "axis", owner)
     if axis is not None and axis.get("frame", "parent") != "parent":
         raise reader.error(f"{owner}: <axis frame> must be 'parent', got {axis.get('frame')!r}", owner)
-    direction = reader.axis(
-        element, owner, "axis", "0 0 1" if loop.kind in AXIS_FREE_LOOPS else "", ("frame",)
-    )
+    direction = reader.axis(element, owner, "axis", "0 0 1" if loop.kind in AXIS_FREE_LOOPS else "")
     placement1, placement2 = (reader.pose(origin, owner) for origin in origins)
     loop = replace(
         loop, link1=link1, link2=link2, placement1=placement1, placement2=placement2,
@@ -135,4 +130,19 @@ def write_isaac(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     return (*notes, *save(robot, mechanism, path))
 
 
-DIALECT = Dialect("isaac", "Isaac <loop_joint>", {"robot/loop_joint": _read}, write=write_isaac)
+_WORDS = {
+    "robot/loop_joint": Words(
+        ("name", "type"),
+        ("link1", "link2", "parent", "child", "parent_origin", "child_origin", "axis", "limit"),
+    ),
+    "loop_joint/link1": Words(("link", "xyz", "rpy")),
+    "loop_joint/link2": Words(("link", "xyz", "rpy")),
+    "loop_joint/parent": Words(("link",)),
+    "loop_joint/child": Words(("link",)),
+    "loop_joint/parent_origin": Words(("xyz", "rpy")),
+    "loop_joint/child_origin": Words(("xyz", "rpy")),
+    "loop_joint/axis": Words(("xyz", "frame")),
+    "loop_joint/limit": Words(("coordinate", *LIMITS)),
+}
+
+DIALECT = Dialect("isaac", "Isaac <loop_joint>", {"robot/loop_joint": _read}, _WORDS, write=write_isaac)

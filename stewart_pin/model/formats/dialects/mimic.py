@@ -18,6 +18,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Coupling, JointKind, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import Dialect, Parts
 from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.formats.words import Words, check_words
 from stewart_pin.model.formats.xml import number_text
 
 
@@ -44,7 +45,6 @@ def read_mimic(reader: UrdfElements, element: etree._Element) -> Coupling:
     parent = element.getparent()
     joint = "" if parent is None else parent.get("name", "")
     owner = f"joint '{joint}'"
-    reader.only(element, owner, ("joint", "multiplier", "offset", "name"))
     multiplier = float(reader.numbers(element, "multiplier", 1, owner, default="1")[0])
     offset = float(reader.numbers(element, "offset", 1, owner, default="0")[0])
     name = element.get("name") or f"{joint}_mimic"
@@ -115,7 +115,12 @@ def write_mimics(robot: etree._Element, mechanism: Mechanism, format: str) -> No
         etree.SubElement(joint, "mimic", {"joint": str(coupling.joint2), **values, **named})
 
 
-DIALECT = Dialect("mimic", "<mimic>", {"joint/mimic": _read, "drake:joint/mimic": _read})
+DIALECT = Dialect(
+    "mimic",
+    "<mimic>",
+    {"joint/mimic": _read, "drake:joint/mimic": _read},
+    {"joint/mimic": Words(("joint", "multiplier", "offset"), (), {"@name": "name of the coupling"})},
+)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -131,6 +136,15 @@ DIALECT = Dialect("mimic", "<mimic>", {"joint/mimic": _read, "drake:joint/mimic"
 
 _LEADERS = ("joint", "jointName")
 _SETTINGS = ("hasPID", "sensitiveness", "maxEffort", "robotNamespace", "namespace")
+_PLUGIN = {
+    "plugin": Words(
+        (),
+        ("mimicJoint", *_LEADERS, "multiplier", "offset"),
+        {"@name": "", "@filename": "told by its tags", **dict.fromkeys(_SETTINGS, "simulator settings")},
+    ),
+    **{f"plugin/{tag}": Words(text=True) for tag in ("mimicJoint", *_LEADERS, "multiplier", "offset")},
+}
+"""Words of the plugins; others are no robot's."""
 
 
 def take_mimic_plugins(reader: UrdfElements, gazebo: etree._Element) -> list[Coupling]:
@@ -151,11 +165,27 @@ def take_mimic_plugins(reader: UrdfElements, gazebo: etree._Element) -> list[Cou
     found = [plugin for plugin in gazebo.findall("plugin") if plugin.find("mimicJoint") is not None]
     for plugin in found:
         gazebo.remove(plugin)
-    return [c for c in (_read_plugin(reader, plugin) for plugin in found) if not _has_mimic(reader, c)]
+    read = [_read_plugin(reader, plugin) for plugin in found]
+    return [coupling for coupling in read if not has_mimic(reader, coupling, "Gazebo's mimic plugin")]
 
 
-def _has_mimic(reader: UrdfElements, coupling: Coupling) -> bool:
-    """Tell whether the follower of a plugin has a ``<mimic>``, and note what the two say."""
+def has_mimic(reader: UrdfElements, coupling: Coupling, told_by: str) -> bool:
+    """Tell whether a follower has a ``<mimic>`` as well, and note what the two say.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+    coupling
+        What another tag says.
+    told_by
+        How the note calls that tag.
+
+    Returns
+    -------
+    bool
+        Whether it has one, which counts.
+    """
     joints = [joint for joint in reader.root.findall("joint") if joint.get("name") == coupling.joint1]
     mimics = [mimic for joint in joints for mimic in joint.findall("mimic")]
     for mimic in mimics:
@@ -163,7 +193,7 @@ def _has_mimic(reader: UrdfElements, coupling: Coupling) -> bool:
         same = (own.joint2, own.polynomial) == (coupling.joint2, coupling.polynomial)
         offset, multiplier = coupling.polynomial
         other = f"left out: <mimic> says otherwise than {multiplier:g} × '{coupling.joint2}' + {offset:g}"
-        text = f"Gazebo's mimic plugin {'repeats the <mimic>' if same else other}"
+        text = f"{told_by} {'repeats the <mimic>' if same else other}"
         reader.note(f"joint '{coupling.joint1}'", text)
     return bool(mimics)
 
@@ -171,9 +201,10 @@ def _has_mimic(reader: UrdfElements, coupling: Coupling) -> bool:
 def _read_plugin(reader: UrdfElements, plugin: etree._Element) -> Coupling:
     owner = f"plugin '{plugin.get('name', '')}'"
     leader = next((tag for tag in _LEADERS if plugin.find(tag) is not None), "joint")
-    reader.only(
-        plugin, owner, ("name", "filename"), (leader, "mimicJoint", "multiplier", "offset", *_SETTINGS)
-    )
+    check_words(reader, plugin, _PLUGIN, reader.note)
+    for tag in _LEADERS:
+        if tag != leader and plugin.find(tag) is not None:
+            raise reader.error(f"{owner} has a <{leader}> and a <{tag}>; keep one", owner)
     joints = [reader.content(reader.child(plugin, tag, owner), owner) for tag in ("mimicJoint", leader)]
     numbers = []
     for tag, default in (("offset", 0.0), ("multiplier", 1.0)):
@@ -182,7 +213,4 @@ def _read_plugin(reader: UrdfElements, plugin: etree._Element) -> Coupling:
         numbers.append(
             default if text is None else float(reader.parse(text, 1, f"{owner}: <{tag}>", owner)[0])
         )
-    for tag in _SETTINGS:
-        if reader.optional(plugin, tag, owner) is not None:
-            reader.note(owner, f"<{tag}>: simulator settings")
     return Coupling(f"{joints[0]}_mimic", joints[0], joints[1], tuple(numbers))

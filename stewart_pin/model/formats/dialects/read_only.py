@@ -12,6 +12,7 @@ from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import (
     AXIS_FREE_LOOPS,
     LOOP_KINDS,
+    Coupling,
     JointKind,
     Loop,
     Mechanism,
@@ -19,7 +20,9 @@ from stewart_pin.model.description import (
     Outcome,
 )
 from stewart_pin.model.formats.dialect import Dialect, Parts, add_parts, carrier
+from stewart_pin.model.formats.dialects.mimic import couple, has_mimic
 from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.formats.words import Strange, Words, meant_word
 from stewart_pin.model.formats.xml import reason_to_ignore, shown_tag
 from stewart_pin.typing import FloatArray
 
@@ -109,8 +112,6 @@ def _read_constraint(reader: UrdfElements, element: etree._Element) -> Parts:
     if _SYNONYMS.get(word, word) not in types:
         raise reader.error(f"{owner} has the type '{written}'; supported: {', '.join(types)}", owner)
     kind = JointKind(_SYNONYMS.get(word, word))
-    tags = [f"{end}{part}" for end in ("parent", "child") for part in ("", "_origin", "_axis")]
-    reader.only(element, owner, ("name", "type"), tags)
     link1, link2 = reader.ends(element, owner)
     place1, place2 = (reader.origin(element, owner, f"{end}_origin") for end in ("parent", "child"))
     default = "0 0 1" if kind in AXIS_FREE_LOOPS else ""
@@ -137,13 +138,24 @@ def _least_rotation(a: FloatArray, b: FloatArray) -> FloatArray:
     return pin.Quaternion.FromTwoVectors(a, b).toRotationMatrix()
 
 
-_URDFDOM = Dialect("urdfdom", "urdfdom <constraint>", {"robot/constraint": _read_constraint})
+_ENDS = ("parent", "child")
+_CONSTRAINT = {
+    "robot/constraint": Words(
+        ("name", "type"), tuple(f"{end}{part}" for end in _ENDS for part in ("", "_origin", "_axis"))
+    ),
+    **{f"constraint/{end}": Words(("link",)) for end in _ENDS},
+    **{f"constraint/{end}_origin": Words(("xyz", "rpy")) for end in _ENDS},
+    **{f"constraint/{end}_axis": Words(("xyz",)) for end in _ENDS},
+}
+
+_URDFDOM = Dialect("urdfdom", "urdfdom <constraint>", {"robot/constraint": _read_constraint}, _CONSTRAINT)
 
 
 # ----------------------------------------------------------------------------------------------------
 # Motors that ROS names: ``<transmission>`` and ``<ros2_control>``.
 #
-# They count where no joint is marked independent and they can only mean one thing; see `choose_motors`.
+# They count where no joint is marked independent and they can only mean one thing; see `choose_motors`. A joint of
+# ``<ros2_control>`` with ``<param name="mimic">`` follows another one, as by a ``<mimic>``.
 #
 # References
 # ----------
@@ -152,6 +164,14 @@ _URDFDOM = Dialect("urdfdom", "urdfdom <constraint>", {"robot/constraint": _read
 
 _NOT_DRIVEN = ("PassiveJointInterface", "JointStateInterface")
 _ROTOR = ("drake:rotor_inertia", "drake:gear_ratio")
+_GEARS = "gears of motors are arguments of the simulation"
+_HARDWARE = "settings of the hardware"
+_INSIDE = {
+    **dict.fromkeys(("mechanicalReduction", "motorTorqueConstant", "offset"), _GEARS), "role": "told by its joints",
+    "hardwareInterface": "that of the joint counts",
+}  # fmt: skip
+_FOLLOWING = ("mimic", "multiplier", "offset")
+"""Params of a joint that follows another one."""
 
 
 def _read_transmission(reader: UrdfElements, element: etree._Element) -> Parts:
@@ -175,14 +195,90 @@ def _is_passive(joint: etree._Element) -> bool:
 
 def _read_ros2_control(reader: UrdfElements, element: etree._Element) -> Parts:
     reason_to_ignore(reader, element, "the file")
-    driven = [joint for joint in element.findall("joint") if joint.find("command_interface") is not None]
-    return Parts(motors=tuple(joint.get("name") or "" for joint in driven))
+    joints = element.findall("joint")
+    driven = [joint for joint in joints if joint.find("command_interface") is not None]
+    followers = [coupling for joint in joints for coupling in _followed(reader, joint)]
+
+    def coupled(mechanism: Mechanism) -> Parts:
+        parts = [couple(mechanism, coupling) for coupling in followers]
+        return Parts(
+            couplings=tuple(coupling for part in parts for coupling in part.couplings),
+            notes=tuple(note for part in parts for note in part.notes),
+        )
+
+    motors = tuple(joint.get("name") or "" for joint in driven)
+    return Parts(motors=motors, later=coupled if followers else None)
+
+
+def _followed(reader: UrdfElements, joint: etree._Element) -> list[Coupling]:
+    """Read the params of a joint that follows another one; where it has a ``<mimic>``, that one counts."""
+    name = reader.text(joint, "name", "a <joint> of <ros2_control>")
+    owner = f"joint '{name}' of <ros2_control>"
+    told: dict[str, str] = {}
+    for param in joint.findall("param"):
+        key = reader.text(param, "name", owner)
+        meant = meant_word(key, _FOLLOWING)
+        if key in told or (meant and meant != key):
+            fault = (
+                "stands there twice; keep one" if key in told else f"is not understood; is '{meant}' meant?"
+            )
+            raise reader.error(f"{owner}: <param name='{key}'> (line {param.sourceline}) {fault}", owner)
+        if key in _FOLLOWING:
+            told[key] = reader.content(param, owner)
+        else:
+            reader.note(
+                f"{owner}, line {param.sourceline}", f"<param name='{key}'>: settings of the hardware"
+            )
+    if "mimic" not in told:
+        if told:
+            raise reader.error(f"{owner} has a <param name='{min(told)}'>, but none called 'mimic'", owner)
+        return []
+    offset, multiplier = (
+        float(reader.parse(told.get(key, default), 1, f"{owner}: <param name='{key}'>", owner)[0])
+        for key, default in (("offset", "0"), ("multiplier", "1"))
+    )
+    coupling = Coupling(f"{name}_mimic", name, told["mimic"], (offset, multiplier))
+    return [] if has_mimic(reader, coupling, "<ros2_control>") else [coupling]
 
 
 _ROS = Dialect(
     "ros",
     "ROS <transmission>, <ros2_control>",
     {"robot/transmission": _read_transmission, "robot/ros2_control": _read_ros2_control},
+    {
+        "transmission": Words(
+            (),
+            ("type", "joint", "actuator"),
+            {"@name": "", "@type": "told by its joints", "leftActuator": _GEARS, "rightActuator": _GEARS},
+            strange=Strange.NOTED,
+        ),
+        "transmission/joint": Words(("name",), ("hardwareInterface",), _INSIDE, strange=Strange.NOTED),
+        "transmission/actuator": Words((), (*_ROTOR,), {"@name": "", **_INSIDE}, strange=Strange.NOTED),
+        "joint/hardwareInterface": Words(text=True, strange=Strange.NOTED),
+        "ros2_control": Words(
+            (),
+            ("joint",),
+            {
+                "@name": "",
+                "@type": "",
+                "@rw_rate": "",
+                "@is_async": "",
+                **dict.fromkeys(("hardware", "sensor", "gpio"), _HARDWARE),
+                "transmission": _GEARS,
+            },
+            strange=Strange.NOTED,
+        ),
+        "ros2_control/joint": Words(
+            ("name",),
+            ("command_interface", "param"),
+            {"state_interface": "what is measured"},
+            strange=Strange.NOTED,
+        ),
+        "ros2_control/joint/param": Words(("name",), text=True),
+        "joint/command_interface": Words(
+            (), (), {"@name": "", "param": "limits of commands are the controller's"}, strange=Strange.NOTED
+        ),
+    },
 )
 
 

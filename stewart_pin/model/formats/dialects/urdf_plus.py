@@ -37,8 +37,9 @@ from stewart_pin.model.description import (
 )
 from stewart_pin.model.formats.dialect import Dialect, Parts, upward
 from stewart_pin.model.formats.urdf_core import read_bounds
-from stewart_pin.model.formats.urdf_elements import UrdfElements
+from stewart_pin.model.formats.urdf_elements import LIMITS, UrdfElements
 from stewart_pin.model.formats.urdf_writer import save, tree_element, write_bounds, write_origin
+from stewart_pin.model.formats.words import Words
 from stewart_pin.model.formats.xml import number_text
 
 
@@ -53,12 +54,9 @@ def _read_loop(reader: UrdfElements, element: etree._Element) -> Parts:
     parts = {JointKind.UNIVERSAL: ("axis", "axis2"), JointKind.DISTANCE: ("length",)}.get(kind, ("axis",))
     reader.only(element, owner, ("name", "type"), ("predecessor", "successor", "limit", *parts))
     ends = [reader.child(element, tag, owner) for tag in ("predecessor", "successor")]
-    for end in ends:
-        reader.only(end, owner, ("link",), ("origin",))
     length = 0.0
     if kind is JointKind.DISTANCE:
         rod = reader.child(element, "length", owner)
-        reader.only(rod, owner, ("value",))
         length = float(reader.numbers(rod, "value", 1, owner)[0])
     # An axis guessed for a loop would be another mechanism.
     default = "0 0 1" if kind in AXIS_FREE_LOOPS else ""
@@ -88,9 +86,6 @@ def _read_coupling(reader: UrdfElements, element: etree._Element) -> Parts:
     reader.only(element, owner, ("name", "type"), ("predecessor", "successor", "ratio"))
     ends = [reader.child(element, tag, owner) for tag in ("predecessor", "successor")]
     ratio_element = reader.child(element, "ratio", owner)
-    for end in ends:
-        reader.only(end, owner, ("link",))
-    reader.only(ratio_element, owner, ("value",))
     links = [reader.text(end, "link", owner) for end in ends]
     ratio = float(reader.numbers(ratio_element, "value", 1, owner)[0])
 
@@ -138,10 +133,6 @@ def _read_polynomial(reader: UrdfElements, element: etree._Element, name: str, o
     follower = reader.child(element, "follower", owner)
     leader = reader.optional(element, "leader", owner)
     numbers = reader.child(element, "polynomial", owner)
-    for joint in (follower, leader):
-        if joint is not None:
-            reader.only(joint, owner, ("joint",))
-    reader.only(numbers, owner, ("value",))
     coefficients = reader.parse(
         reader.text(numbers, "value", owner), None, f"{owner}: <polynomial value>", owner
     )
@@ -212,5 +203,23 @@ DIALECT = Dialect(
     "urdf+",
     "URDF+",
     {"robot/loop": _read_loop, "robot/coupling": _read_coupling},
+    {
+        "robot/loop": Words(
+            ("name", "type"), ("predecessor", "successor", "axis", "axis2", "length", "limit")
+        ),
+        "loop/predecessor": Words(("link",), ("origin",)),
+        "loop/successor": Words(("link",), ("origin",)),
+        "loop/length": Words(("value",)),
+        "loop/limit": Words(("coordinate", *LIMITS)),
+        "robot/coupling": Words(
+            ("name", "type"), ("predecessor", "successor", "ratio", "follower", "leader", "polynomial")
+        ),
+        "coupling/predecessor": Words(("link",)),
+        "coupling/successor": Words(("link",)),
+        "coupling/ratio": Words(("value",)),
+        "coupling/follower": Words(("joint",)),
+        "coupling/leader": Words(("joint",)),
+        "coupling/polynomial": Words(("value",)),
+    },
     write=write_urdf_plus,
 )

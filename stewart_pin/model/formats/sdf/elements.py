@@ -12,6 +12,7 @@ from lxml import etree
 
 from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Note, Outcome
+from stewart_pin.model.formats.words import meant_word
 from stewart_pin.model.formats.xml import ElementReader, reason_to_ignore, shown_tag
 from stewart_pin.tolerances import NO_DIRECTION
 from stewart_pin.typing import FloatArray
@@ -197,7 +198,7 @@ class SdfReader(ElementReader):
     def note_strangers(
         self, element: etree._Element, owner: str, known: Collection[str], attributes: Collection[str] = ()
     ) -> None:
-        """Note attributes and children that are not read, and stop at children that could change the mechanism.
+        """Note what is not read; stop at misspelt words, and at children that could change the mechanism.
 
         Parameters
         ----------
@@ -212,10 +213,45 @@ class SdfReader(ElementReader):
         """
         for name in element.attrib:
             if name not in attributes:
-                self.note(owner, f"attribute '{name}' of <{shown_tag(element)}>: unknown")
+                what = f"attribute '{name}' of <{shown_tag(element)}>"
+                self.refuse_slip(str(name), attributes, element, what, owner)
+                self.note(f"{owner}, line {element.sourceline}", f"{what}: unknown")
         for child in element.iterchildren(etree.Element):
-            if shown_tag(child) not in known:
-                self.note(owner, f"<{shown_tag(child)}>: {why_ignored(self, child, owner)}")
+            tag = shown_tag(child)
+            if tag not in known:
+                if tag not in _HARMLESS:
+                    self.refuse_slip(tag, known, child, f"<{tag}> of <{shown_tag(element)}>", owner)
+                why = why_ignored(self, child, owner)
+                self.note(
+                    f"{owner}, line {child.sourceline}" if "unknown" in why else owner, f"<{tag}>: {why}"
+                )
+
+    def refuse_slip(
+        self, word: str, known: Collection[str], element: etree._Element, what: str, owner: str
+    ) -> None:
+        """Stop at a misspelt word.
+
+        Parameters
+        ----------
+        word
+            As it is written.
+        known
+            Words that are read there.
+        element
+            Where it stands.
+        what, owner
+            Named in the message.
+
+        Raises
+        ------
+        FileFormatError
+            If it looks like one of the known words, which the message tells.
+        """
+        meant = meant_word(word, known)
+        if meant:
+            raise self.error(
+                f"{owner}: {what} (line {element.sourceline}) is not understood; is '{meant}' meant?", owner
+            )
 
     def children(self, element: etree._Element, tag: str) -> list[etree._Element]:
         """List the children of a tag.

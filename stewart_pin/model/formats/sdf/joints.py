@@ -228,10 +228,11 @@ _AXES = {
     JointKind.CYLINDRICAL: ("axis",),
     JointKind.UNIVERSAL: ("axis", "axis2"),
 }
-_IN_JOINT = {
+IN_JOINT = {
     "parent", "child", "pose", "axis", "axis2", "physics", "thread_pitch", "screw_thread_pitch", "gearbox_ratio",
     "gearbox_reference_body", "drake:mimic", OWN_LIMIT,
 }  # fmt: skip
+"""Children of a ``<joint>``, whatever its type."""
 GEARBOX = "gearbox"
 _OWN = ("name", "independent", "position", "axis", "part1", "part2", "between")
 _POSE = 7
@@ -355,7 +356,7 @@ def read_joint(scope: Scope, element: etree._Element) -> SdfJoint:
         )
     kind = _KINDS[written]
     tags = _AXES.get(kind, ())
-    reader.note_strangers(element, owner, _IN_JOINT, ("name", "type", *own(*_OWN)))
+    reader.note_strangers(element, owner, IN_JOINT, ("name", "type", *own(*_OWN)))
     for tag in ("axis", "axis2"):
         if tag not in tags and reader.children(element, tag):
             reader.note(owner, f"<{tag}>: a joint of type '{written}' has none")

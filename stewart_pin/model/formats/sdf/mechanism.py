@@ -372,7 +372,6 @@ def _frames(scopes: list[Scope], poses: dict[str, pin.SE3]) -> tuple[list[Link],
             written = scope.reader.name(element)
             name = scope.prefix + written
             owner = f"frame '{name}'"
-            scope.reader.note_strangers(element, owner, {"pose"}, ("name", "attached_to", *own("joint")))
             carrier = scope.body(written, owner)
             placement = poses.get(carrier, pin.SE3.Identity()).inverse() * scope.pose(written, owner)
             links.append(Link(name))

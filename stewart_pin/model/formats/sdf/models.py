@@ -10,7 +10,7 @@ from lxml import etree
 
 from stewart_pin.errors import FileFormatError, StewartPinError, UnsupportedError
 from stewart_pin.model.description import Note
-from stewart_pin.model.formats.sdf.elements import SdfReader, own
+from stewart_pin.model.formats.sdf.elements import SdfReader, own, why_ignored
 from stewart_pin.model.formats.sdf.frames import Scope, check_names
 from stewart_pin.model.formats.xml import ElementReader, read_xml, shown_tag
 
@@ -108,6 +108,7 @@ _SCENERY = {
     "model", "include", "frame", "gravity", "physics", "joint", "plugin", "light", "actor", "audio", "wind",
     "magnetic_field", "atmosphere", "gui", "scene", "road", "spherical_coordinates", "state", "population",
 }  # fmt: skip
+_IN_WORLD = ("model", "include", "frame", "gravity", "physics", "joint", "plugin")
 _MODELS = 1000
 """How many models a file may nest or include, so that files that include each other end."""
 _DEPTH = 50
@@ -185,6 +186,8 @@ class _Opener:
             )
         for element in root.iterchildren(etree.Element):
             if shown_tag(element) not in ("world", "model"):
+                tag = shown_tag(element)
+                reader.refuse_slip(tag, ("world", "model"), element, f"<{tag}>", "the file")
                 reader.note("the file", f"<{shown_tag(element)}>: only the model is read")
         if models:
             return SdfDocument(self._model(reader, models[0], version, None, "", 0), None, None, self.notes)
@@ -210,9 +213,7 @@ class _Opener:
 
     def _from_world(self, reader: SdfReader, world: etree._Element, version: tuple[int, ...]) -> SdfDocument:
         owner = f"world '{world.get('name', '')}'"
-        for tag in dict.fromkeys(shown_tag(element) for element in world.iterchildren(etree.Element)):
-            if tag not in _SCENERY:
-                reader.note(owner, f"<{tag}>: only the robot is read")
+        _note_scenery(reader, world, owner)
         around = Scope(reader, world, "", version)
         _enter_frames(around)
         chosen, others = self._robot(reader, world, owner)
@@ -226,13 +227,7 @@ class _Opener:
         own_name = chosen.get("name") or (chosen.findtext("name") or "").strip()
         around.nested[own_name or model.element.get("name", "")] = model
         _refuse_joints_to(others, around)
-        # Up to 1.5, gravity stood in <physics>.
-        physics = reader.children(world, "physics")
-        for holder in [world, *physics]:
-            if reader.children(holder, "gravity"):
-                x, y, z = (float(value) for value in reader.vector(holder, "gravity", 3, owner))
-                return SdfDocument(model, around, (x, y, z), self.notes)
-        return SdfDocument(model, around, None, self.notes)
+        return SdfDocument(model, around, _gravity(reader, world, owner), self.notes)
 
     def _robot(
         self, reader: SdfReader, world: etree._Element, owner: str
@@ -371,9 +366,54 @@ class _Opener:
         return scope
 
 
+_NOTED = {
+    "state": "a state of a simulation: links stand where the model puts them",
+    "population": "copies of models; only the robot is read",
+}
+
+
+def _note_scenery(reader: SdfReader, world: etree._Element, owner: str) -> None:
+    """Note what stands in the world around the robot, and stop at what could hold the robot."""
+    for element in world.iterchildren(etree.Element):
+        tag = shown_tag(element)
+        if tag == "plugin":
+            reader.note(owner, f"<plugin> '{element.get('name', '')}': {why_ignored(reader, element, owner)}")
+        elif tag in _NOTED:
+            reader.note(owner, f"<{tag}>: {_NOTED[tag]}")
+        elif tag not in _SCENERY:
+            reader.refuse_slip(tag, _IN_WORLD, element, f"<{tag}>", owner)
+            reader.note(f"{owner}, line {element.sourceline}", f"<{tag}>: only the robot is read")
+
+
+def _gravity(reader: SdfReader, world: etree._Element, owner: str) -> tuple[float, float, float] | None:
+    """Read gravity; up to version 1.5 it stood in ``<physics>``, of which the one marked as the default counts."""
+    every = reader.children(world, "physics")
+    for element in every:
+        for child in element.iterchildren(etree.Element):
+            tag = shown_tag(child)
+            if tag != "gravity":
+                reader.refuse_slip(tag, ("gravity",), child, f"<{tag}> of <physics>", owner)
+    marked = [e for e in every if reader.flag(e, "default", owner, attribute=True)]
+    counts = [*marked, *every][:1]
+    for element in every:
+        if element not in counts:
+            text = f"<physics> '{element.get('name', '')}' (line {element.sourceline}): another one counts"
+            reader.note(owner, text)
+    found = [holder for holder in (world, *counts) if reader.children(holder, "gravity")]
+    if not found:
+        return None
+    if len(found) > 1:
+        reader.note(owner, "<gravity> of <physics>: that of the world counts")
+    x, y, z = (float(value) for value in reader.vector(found[0], "gravity", 3, owner))
+    return x, y, z
+
+
 def _enter_frames(scope: Scope) -> None:
     """Enter links, joints and frames by name; links first, where an old file uses a name twice."""
     check_names(scope)
+    for element in scope.reader.children(scope.element, "frame"):
+        owner = f"frame '{scope.prefix + scope.reader.name(element)}'"
+        scope.reader.note_strangers(element, owner, {"pose"}, ("name", "attached_to", *own("joint")))
     for tag in ("link", "joint", "frame"):
         for element in scope.reader.children(scope.element, tag):
             scope.elements.setdefault(scope.reader.name(element), element)

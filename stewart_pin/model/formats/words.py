@@ -1,0 +1,270 @@
+"""Which words a format has: what an element may hold, what becomes of each word, and which word a misspelt one means.
+
+Each reader and each dialect has a table, a `Grammar`, by which `check_words` judges a file before anything is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from lxml import etree
+
+from stewart_pin.errors import StewartPinError
+from stewart_pin.model.description import Note
+from stewart_pin.model.formats.xml import ElementReader, shown_tag
+
+
+class Strange(StrEnum):
+    """What becomes of a word that an element does not know."""
+
+    REFUSED = "refused"
+    NOTED = "noted; refused where it looks like one that is read"
+    TOLD = "noted"
+
+
+@dataclass(frozen=True)
+class Words:
+    """What an element may hold.
+
+    Attributes
+    ----------
+    attributes, tags
+        Attributes and children that are read.
+    noted
+        Children that are known and not read, with the reason; attributes (``@name``) that are names for people.
+    text
+        Whether the text inside it is read.
+    strange
+        What becomes of all else.
+    told_by_reader
+        Whether who reads the element notes the children that it does not know.
+    """
+
+    attributes: tuple[str, ...] = ()
+    tags: tuple[str, ...] = ()
+    noted: Mapping[str, str] = field(default_factory=dict)
+    text: bool = False
+    strange: Strange = Strange.REFUSED
+    told_by_reader: bool = False
+
+
+Grammar = Mapping[str, Words]
+"""Words of each element: by its tag, or by the tags that lead to it, ``gazebo/joint/parent`` before ``parent``."""
+_LONGEST_KEY = 3
+"""Tags of the longest key of a grammar."""
+
+
+def words_of(element: etree._Element, grammar: Grammar) -> Words | None:
+    """Find the words of an element.
+
+    Parameters
+    ----------
+    element
+        The element.
+    grammar
+        Table of the format.
+
+    Returns
+    -------
+    Words or None
+        By the longest key that fits; None: nobody reads it.
+    """
+    above = [shown_tag(element)]
+    for parent in element.iterancestors():
+        if len(above) == _LONGEST_KEY:
+            break
+        above.insert(0, shown_tag(parent))
+    for start in range(len(above)):
+        found = grammar.get("/".join(above[start:]))
+        if found is not None:
+            return found
+    return None
+
+
+def check_words(
+    reader: ElementReader, root: etree._Element, grammar: Grammar, note: Callable[[str, str], None]
+) -> None:
+    """Refuse words that are not understood where a word counts, and note them elsewhere.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file, for the errors.
+    root
+        Element to begin with.
+    grammar
+        Table of the format; what stands inside an element that it does not know is nobody's.
+    note
+        Takes subject and text of a note.
+
+    Raises
+    ------
+    FileFormatError
+        With the line of the word, and the one that is meant.
+    """
+    waiting = [root]
+    while waiting:
+        element = waiting.pop()
+        words = words_of(element, grammar)
+        if words is None:
+            continue
+        children = list(element.iterchildren(etree.Element))
+        waiting += reversed(children)
+        judge = _Judge(reader, element, words, note)
+        for name in element.attrib:
+            judge.attribute(str(name))
+        for child in children:
+            judge.child(child)
+        judge.text()
+
+
+@dataclass(frozen=True, eq=False)
+class _Judge:
+    """Judges the words of one element."""
+
+    reader: ElementReader
+    element: etree._Element
+    words: Words
+    note: Callable[[str, str], None]
+
+    def attribute(self, name: str) -> None:
+        if name in self.words.attributes or f"@{name}" in self.words.noted:
+            return
+        what = f"attribute '{name}' of <{shown_tag(self.element)}>"
+        meant = meant_word(name, self.words.attributes)
+        self._stop(what, self.element, f"'{meant}'" if meant else "")
+        self.note(self._at(self.element), f"{what}: unknown{f', is {meant!r} meant?' if meant else ''}")
+
+    def child(self, child: etree._Element) -> None:
+        tag = shown_tag(child)
+        if tag in self.words.tags:
+            return
+        if tag in self.words.noted:
+            if not self.words.told_by_reader:
+                self.note(owner_of(self.element), f"<{tag}>: {self.words.noted[tag]}")
+            return
+        meant = meant_word(tag, self.words.tags)
+        self._stop(f"<{tag}> of <{shown_tag(self.element)}>", child, f"<{meant}>" if meant else "")
+        if not self.words.told_by_reader:
+            self.note(self._at(child), f"<{tag}>: unknown tag{f', is <{meant}> meant?' if meant else ''}")
+
+    def text(self) -> None:
+        if self.words.text:
+            return
+        texts = [self.element.text, *(child.tail for child in self.element)]
+        stray = next((text.strip() for text in texts if text and text.strip()), "")
+        if stray:
+            self._stop(f"the text {stray[:40]!r} in <{shown_tag(self.element)}>", self.element, "")
+            self.note(self._at(self.element), f"the text in <{shown_tag(self.element)}>: unknown")
+
+    def _stop(self, what: str, at: etree._Element, meant: str) -> None:
+        strange = self.words.strange
+        if strange is Strange.TOLD or (strange is Strange.NOTED and not meant):
+            return
+        known = [*self.words.attributes, *(f"<{tag}>" for tag in self.words.tags)]
+        remedy = f"is {meant} meant?" if meant else f"it may have {', '.join(known) or 'nothing'}"
+        owner = owner_of(self.element)
+        raise self.reader.error(f"{owner}: {what} (line {at.sourceline}) is not understood; {remedy}", owner)
+
+    def _at(self, at: etree._Element) -> str:
+        return f"{owner_of(self.element)}, line {at.sourceline}"
+
+
+def owner_of(element: etree._Element) -> str:
+    """Name the part of the robot that an element belongs to.
+
+    Parameters
+    ----------
+    element
+        The element.
+
+    Returns
+    -------
+    str
+        Tag and name of the innermost element with a name, shapes aside; ``the file`` for the root.
+    """
+    for each in (element, *element.iterancestors()):
+        if each.getparent() is None:
+            return "the file"
+        if each.get("name") and shown_tag(each) not in ("visual", "collision", "material"):
+            return f"{shown_tag(each)} '{each.get('name')}'"
+        if each.getparent().getparent() is None:
+            return f"<{shown_tag(each)}>"
+    return "the file"
+
+
+# ----------------------------------------------------------------------------------------------------
+# Misspelt words
+# ----------------------------------------------------------------------------------------------------
+
+
+def meant_word(word: str, known: Collection[str]) -> str:
+    """Find the word that a misspelt one means.
+
+    Parameters
+    ----------
+    word
+        As it is written.
+    known
+        Words that are read.
+
+    Returns
+    -------
+    str
+        The known word that differs by case, by hyphens, by one letter too many or too few, another one, or by two
+        neighbours exchanged; empty: none does.
+    """
+    plain = _plain(word)
+    return next((each for each in known if _plain(each) == plain), "") or next(
+        (each for each in known if _one_slip(plain, _plain(each))), ""
+    )
+
+
+def _plain(word: str) -> str:
+    return word.lower().replace("-", "").replace("_", "")
+
+
+def _one_slip(a: str, b: str) -> bool:
+    if abs(len(a) - len(b)) > 1 or min(len(a), len(b)) < 2:
+        return False
+    same = next((k for k, (x, y) in enumerate(zip(a, b, strict=False)) if x != y), min(len(a), len(b)))
+    rest_a, rest_b = a[same:], b[same:]
+    if len(a) != len(b):
+        return rest_a[1:] == rest_b or rest_a == rest_b[1:]
+    return rest_a[1:] == rest_b[1:] or (rest_a[1::-1], rest_a[2:]) == (rest_b[:2], rest_b[2:])
+
+
+# ----------------------------------------------------------------------------------------------------
+# What was not understood, told by errors that come later
+# ----------------------------------------------------------------------------------------------------
+
+_MOST = 5
+"""How many words an error lists."""
+
+
+@contextmanager
+def telling_strangers(notes: Collection[Note]) -> Iterator[None]:
+    """Let an error tell as well which words of the file were not understood: one of them may be its cause.
+
+    Parameters
+    ----------
+    notes
+        What has been noted when the error comes.
+
+    Yields
+    ------
+    None
+        The errors inside are told more.
+    """
+    try:
+        yield
+    except StewartPinError as error:
+        strange = [f"{note.text} ({note.subject})" for note in notes if ": unknown" in note.text]
+        if strange and error.args and "not understood in this file" not in str(error):
+            more = f" and {len(strange) - _MOST} more" if len(strange) > _MOST else ""
+            said = f"{error.args[0]}; not understood in this file: {', '.join(strange[:_MOST])}{more}"
+            error.args = (said, *error.args[1:])
+        raise

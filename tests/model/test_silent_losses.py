@@ -1,0 +1,131 @@
+"""No word of a file is lost in silence: what is misspelt, changed, repeated or moved changes the robot or is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from lxml import etree
+
+import stewart_pin as stp
+from stewart_pin.errors import FileFormatError, StewartPinError
+from stewart_pin.model.formats.words import meant_word
+from tests.model import sdf_reading, test_sdf_fuzz
+from tests.model.silent_losses import Reader, silent_losses
+from tests.model.small_dialects import (
+    BALLS,
+    GAZEBO,
+    HINGE,
+    HINGES,
+    PLUGIN,
+    YAML,
+    drake_joint,
+    five_bar,
+    open_square,
+    square,
+    transmission,
+)
+from tests.small_sdf import TREES
+from tests.small_urdf import ARM, AXIS_Z, MOTOR, bundled, joint, link, robot, write
+
+LIMITS = "<limit><lower>-1</lower><upper>1</upper><velocity>3</velocity></limit>"
+CONTROL = (
+    '<ros2_control name="r" type="system"><hardware><plugin>x/Y</plugin></hardware><joint name="shoulder">'
+    '<command_interface name="position"><param name="min">-1</param></command_interface>'
+    '<state_interface name="position"/></joint><joint name="follow"><param name="mimic">shoulder</param>'
+    '<param name="multiplier">-2</param></joint></ros2_control>'
+)
+FOLLOWER = (link("s"), joint("follow", "base", "s"))
+SAMPLES: dict[str, tuple[str, str]] = {
+    **{kind: (square(text), ".urdf") for kind, text in BALLS.items()},
+    **{f"{kind} hinge": (square(text), ".urdf") for kind, text in HINGES.items()},
+    "urdf+": (square(HINGE), ".urdf"),
+    "gazebo": (
+        open_square(GAZEBO.format(kind="revolute", axis=f"<axis><xyz>0 0 1</xyz>{LIMITS}</axis>")), ".urdf",
+    ),
+    "yaml": (five_bar(), ".urdf"),
+    "plugin": (robot(*ARM, *FOLLOWER, PLUGIN.replace("elbow", "shoulder")), ".urdf"),
+    "transmission": (square(HINGE, transmission("crank_turn")).replace(MOTOR, ""), ".urdf"),
+    "ros2_control": (robot(*ARM, *FOLLOWER, CONTROL).replace(MOTOR, ""), ".urdf"),
+    **{
+        f"drake {kind}": (
+            robot(link("base"), link("platform"), drake_joint(kind, content), attributes='xmlns:drake="d"'), ".urdf",
+        )
+        for kind, content in {
+            "ball": "", "planar": AXIS_Z, "universal": "",
+            "screw": f'{AXIS_Z}<drake:screw_thread_pitch value="0.2"/>',
+        }.items()
+    },
+    **{f"sdf, {kind}": (text, ".sdf") for kind, text in TREES.items()},
+    **{f"sdf, {kind}": (sdf_reading.four_bar(text)[0], ".sdf") for kind, (text, _) in sdf_reading.CLOSINGS.items()},
+    "sdf, gears": (etree.tostring(test_sdf_fuzz.BAR, encoding="unicode"), ".sdf"),
+    "sdf, a world": (etree.tostring(test_sdf_fuzz.WORLD, encoding="unicode"), ".sdf"),
+}  # fmt: skip
+"""A small file of every dialect, and its suffix."""
+
+
+def read_by(folder: Path, name: str, suffix: str) -> Reader:
+    return Reader(folder, suffix, {"sample.yaml": YAML.format(kind="3d")} if name == "yaml" else None)
+
+
+def test_a_sample_of_mutants_of_every_dialect(tmp_path: Path) -> None:
+    tried, lost = 0, {}
+    for at, (name, (text, suffix)) in enumerate(SAMPLES.items()):
+        (tmp_path / str(at)).mkdir()
+        count, bad = silent_losses(text, read_by(tmp_path / str(at), name, suffix), every=40, start=at)
+        tried += count
+        lost |= {name: dict(bad)} if bad else {}
+    assert lost == {}
+    assert tried > 300
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SAMPLES)
+def test_all_mutants(tmp_path: Path, name: str) -> None:
+    text, suffix = SAMPLES[name]
+    tried, bad = silent_losses(text, read_by(tmp_path, name, suffix), every=4)
+    assert dict(bad) == {} and tried > 50
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", stp.robots())
+def test_many_mutants_of_bundled_robots(tmp_path: Path, name: str) -> None:
+    tried, bad = silent_losses(bundled(name).read_text(encoding="utf-8"), Reader(tmp_path), every=97)
+    assert dict(bad) == {} and tried > 10
+
+
+def test_the_judge_sees_a_loss(tmp_path: Path) -> None:
+    # MuJoCo's settings inside a URDF are noted as a whole: what they hold may change unseen, and the judge sees it.
+    _, bad = silent_losses(robot(*ARM, '<mujoco><compiler a="1"/></mujoco>'), Reader(tmp_path))
+    assert any("robot/mujoco/compiler@a" in each for each in bad)
+
+
+SLIPS = {
+    "a tag of a joint": ('<orign xyz="1 0 0"/>', "<orign> of <joint> .line 2.*is <origin> meant"),
+    "a case": ('<Axis xyz="1 0 0"/>', "<Axis> of <joint> .line 2.*is <axis> meant"),
+    "a plural": ('<limits lower="-1" upper="1"/>', "<limits> of <joint> .line 2.*is <limit> meant"),
+    "an attribute": ('<limit lowr="-1" upper="1"/>', "'lowr' of <limit> .line 2.*is 'lower' meant"),
+    "text": ("<origin>0 0 1</origin>", "the text '0 0 1' in <origin> .line 2.*it may have xyz, rpy"),
+}
+
+
+@pytest.mark.parametrize(("text", "words"), SLIPS.values(), ids=SLIPS)
+def test_misspelt_words_are_refused_with_the_right_one(tmp_path: Path, text: str, words: str) -> None:
+    wrong = robot(*ARM[:3], "\n", joint("j", "base", "arm", axis="", content=text), ARM[4])
+    with pytest.raises(FileFormatError, match=words) as caught:
+        stp.load(write(tmp_path, wrong))
+    assert str(tmp_path) in str(caught.value)
+
+
+def test_an_error_that_comes_later_tells_what_was_not_understood(tmp_path: Path) -> None:
+    text = robot(*ARM, link("lost"), '<jt name="hold" type="fixed"/>', joint("j2", "lost", "nowhere"))
+    with pytest.raises(StewartPinError, match=r"nowhere.*not understood in this file: <jt name='hold'>"):
+        stp.load(write(tmp_path, text))
+
+
+def test_words_that_are_meant() -> None:
+    known = ("origin", "axis", "axis2", "least_effort")
+    pairs = {"orign": "origin", "roigin": "origin", "Origin": "origin", "originn": "origin", "axes": "axis"}
+    assert {word: meant_word(word, known) for word in pairs} == pairs
+    assert meant_word("least-effort", known) == "least_effort"
+    assert [meant_word(word, known) for word in ("dynamics", "ax", "rigid", "")] == [""] * 4
