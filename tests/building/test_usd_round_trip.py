@@ -116,6 +116,19 @@ def test_couplings_of_any_degree_gravity_and_odd_inertias_go_along(
     assert_exact(chain, stp.load(path))
 
 
+def test_a_moving_link_may_be_called_world(tmp_path: Path) -> None:
+    def renamed(name: str) -> str:
+        return {"crank": "world"}.get(name, name)
+
+    chain = stp.load("four_bar")
+    links = tuple(replace(x, name=renamed(x.name)) for x in chain.mechanism.links)
+    joints = tuple(
+        replace(x, parent=renamed(x.parent), child=renamed(x.child)) for x in chain.mechanism.joints
+    )
+    chain = build_chain(replace(chain.described(), links=links, joints=joints))
+    assert_exact(chain, stp.load(written(chain, tmp_path)))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*FEW, *REST])
 def test_all_robots_there_and_back(name: str, rng: np.random.Generator, tmp_path: Path) -> None:

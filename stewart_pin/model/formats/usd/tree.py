@@ -21,6 +21,8 @@ from stewart_pin.typing import FloatArray
 
 _POSED = 1e-3
 """Largest gap, in sizes of the robot and radians, with which the stage still places the bodies of a joint."""
+_ALIAS = "\0world"
+"""Stands for the name of a moving body that is called as the ground is."""
 _NO_TREE = (JointKind.DISTANCE, JointKind.POINT_ON_LINE)
 """Kinds that hang no body."""
 
@@ -54,6 +56,8 @@ class TreeMaker:
         self.ground = WORLD if ground is None else bodies[ground].link.name
         self.names = {path: body.link.name for path, body in bodies.items()}
         self.names[GROUND] = WORLD
+        # A moving body may be called as the ground is while the tree grows.
+        self.inner = {path: _ALIAS if name == WORLD and path else name for path, name in self.names.items()}
         self.root = ground
 
     def make(self, couplings: Sequence[Coupling]) -> Mechanism:
@@ -80,7 +84,7 @@ class TreeMaker:
         # A body may be called as the world is here; it is the ground then, or has another name by now.
         tree = grow_tree(
             [self._as_joint(edge) for edge in hanging],
-            {self.names[path]: self.bodies[path].pose for path in moving},
+            {self.inner[path]: self.bodies[path].pose for path in moving},
             fixed=(),
             based=(),
             needed=(),
@@ -88,8 +92,8 @@ class TreeMaker:
             source=str(self.stage.path),
         )
         self.stage.notes += tree.notes
-        home, gap = dict(tree.home), 0.0
-        joints = {joint.name: joint for joint in tree.joints}
+        home, gap = {_real(name): pose for name, pose in tree.home.items()}, 0.0
+        joints = {_real(joint.name): replace(joint, name=_real(joint.name)) for joint in tree.joints}
         for edge in hanging:
             names = _coordinates(edge)
             for number, name in enumerate(names):
@@ -99,7 +103,11 @@ class TreeMaker:
             gap = max(gap, off)
         # A body that floats hangs on the world; where a body is the ground, on that.
         parts = tuple(
-            replace(joint, parent=self.ground if joint.parent == WORLD else joint.parent)
+            replace(
+                joint,
+                parent=self.ground if joint.parent == WORLD else _real(joint.parent),
+                child=_real(joint.child),
+            )
             for joint in joints.values()
         )
         loops = tuple(self._loop(edge) for edge in closing)
@@ -110,7 +118,8 @@ class TreeMaker:
             text = f"the bodies of joints stand {gap:.2g} robot sizes or radians apart: home is searched for from there"
             self.stage.note("stage", text, Outcome.CHANGED)
         ground = Link(WORLD) if self.root is None else self.bodies[self.root].link
-        links = (ground, *(self.bodies[path].link for path in moving), *tree.links)
+        added = (replace(link, name=_real(link.name)) for link in tree.links)
+        links = (ground, *(self.bodies[path].link for path in moving), *added)
         return Mechanism(
             name="",
             links=links,
@@ -185,7 +194,7 @@ class TreeMaker:
             JointKind.FLOATING: (),
             JointKind.UNIVERSAL: (edge.axis, edge.axis2),
         }.get(edge.kind, (edge.axis,))
-        parent, child = (self.names[end] for end in edge.bodies)
+        parent, child = (self.inner[end] for end in edge.bodies)
         return SdfJoint(
             edge.name,
             str(edge.kind),
@@ -251,6 +260,10 @@ class TreeMaker:
             default=0.0,
         )
         return reach or 1.0
+
+
+def _real(name: str) -> str:
+    return name.replace(_ALIAS, WORLD)
 
 
 def _parts(one: pin.SE3, other: pin.SE3) -> tuple[float, float]:
