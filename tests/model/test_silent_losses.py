@@ -9,6 +9,7 @@ from lxml import etree
 
 import stewart_pin as stp
 from stewart_pin.errors import FileFormatError, StewartPinError
+from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.formats.words import meant_word
 from tests.model import sdf_reading, test_sdf_fuzz
 from tests.model.silent_losses import Reader, silent_losses
@@ -129,3 +130,14 @@ def test_words_that_are_meant() -> None:
     assert {word: meant_word(word, known) for word in pairs} == pairs
     assert meant_word("least-effort", known) == "least_effort"
     assert [meant_word(word, known) for word in ("dynamics", "ax", "rigid", "")] == [""] * 4
+
+
+def test_words_of_other_programs_are_told_as_they_stand_in_the_file(tmp_path: Path) -> None:
+    drake = 'xmlns:drake="http://drake.mit.edu"'
+    turn = joint("j", "base", "arm", content='<limit effort="3" drake:acceleration="2"/>')
+    look = "<visual><geometry><drake:capsule radius='1' length='2'/></geometry></visual></link>"
+    paint = "<gazebo><material>Gazebo/Red</material></gazebo>"
+    text = robot(link("base"), link("arm").replace("</link>", look), turn, paint, attributes=drake)
+    notes = [note.text for note in read_mechanism(write(tmp_path, text)).notes]
+    assert "attribute 'drake:acceleration' of <limit>: unknown" in notes
+    assert not [note for note in notes if "capsule" in note or "the text in" in note]

@@ -28,6 +28,7 @@ CONES = ("swing", "turn")
 
 _LOOK = Strange.TOLD
 _FRICTION = "friction and damping are arguments of the simulation"
+_MATERIAL = Words(("name",), ("color", "texture"), strange=_LOOK)
 CORE = {
     "robot": Words(
         ("loops",),
@@ -60,7 +61,7 @@ CORE = {
     "limit": Words((*LIMITS, *CONES), strange=Strange.NOTED, told_by_reader=True),
     "visual": Words((), ("origin", "geometry", "material"), {"@name": "name of a shape"}, strange=_LOOK),
     "collision": Words((), ("origin", "geometry"), {"@name": "name of a shape"}, strange=_LOOK),
-    "geometry": Words((), tuple(ShapeKind), {"drake:capsule": "", "drake:ellipsoid": ""}, strange=_LOOK),
+    "geometry": Words((), (*ShapeKind, "drake:capsule", "drake:ellipsoid"), strange=_LOOK),
     "geometry/box": Words(("size",), strange=_LOOK),
     "geometry/cylinder": Words(("radius", "length"), strange=_LOOK),
     "geometry/sphere": Words(("radius",), strange=_LOOK),
@@ -68,7 +69,7 @@ CORE = {
     "geometry/drake:capsule": Words(("radius", "length"), strange=_LOOK),
     "geometry/drake:ellipsoid": Words(("a", "b", "c"), strange=_LOOK),
     "geometry/mesh": Words(("filename", "scale"), strange=_LOOK),
-    "material": Words(("name",), ("color", "texture"), strange=_LOOK),
+    **{f"{holder}/material": _MATERIAL for holder in ("robot", "visual")},
     "material/color": Words(("rgba",), strange=_LOOK),
     "material/texture": Words(("filename",), strange=_LOOK),
     "group_state": Words(("name", "assembled"), ("joint",), {"@group": "all joints are read"}),

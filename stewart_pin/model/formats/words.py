@@ -133,7 +133,7 @@ class _Judge:
     def attribute(self, name: str) -> None:
         if name in self.words.attributes or f"@{name}" in self.words.noted:
             return
-        what = f"attribute '{name}' of <{shown_tag(self.element)}>"
+        what = f"attribute '{_shown(name, self.element)}' of <{shown_tag(self.element)}>"
         meant = meant_word(name, self.words.attributes)
         self._stop(what, self.element, f"'{meant}'" if meant else "")
         self.note(self._at(self.element), f"{what}: unknown{f', is {meant!r} meant?' if meant else ''}")
@@ -171,6 +171,13 @@ class _Judge:
 
     def _at(self, at: etree._Element) -> str:
         return f"{owner_of(self.element)}, line {at.sourceline}"
+
+
+def _shown(name: str, element: etree._Element) -> str:
+    """Print an attribute as it stands in the file, with its prefix."""
+    space, _, local = name.rpartition("}")
+    prefix = next((prefix for prefix, uri in element.nsmap.items() if prefix and uri == space[1:]), "")
+    return f"{prefix}:{local}" if prefix else local
 
 
 def owner_of(element: etree._Element) -> str:

@@ -249,7 +249,13 @@ _ROS = Dialect(
         "transmission": Words(
             (),
             ("type", "joint", "actuator"),
-            {"@name": "", "@type": "told by its joints", "leftActuator": _GEARS, "rightActuator": _GEARS},
+            {
+                "@name": "",
+                "@type": "told by its joints",
+                **dict.fromkeys(
+                    ("leftActuator", "rightActuator", "mechanicalReduction", "motorTorqueConstant"), _GEARS
+                ),
+            },
             strange=Strange.NOTED,
         ),
         "transmission/joint": Words(("name",), ("hardwareInterface",), _INSIDE, strange=Strange.NOTED),
