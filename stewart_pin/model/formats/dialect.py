@@ -11,16 +11,28 @@ import os
 import pkgutil
 import stat
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import FileFormatError, InputError, UnsupportedError
-from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
+from stewart_pin.model.description import (
+    BALL,
+    Bounds,
+    Coupling,
+    Joint,
+    JointKind,
+    Link,
+    Loop,
+    Mechanism,
+    Note,
+    Outcome,
+)
 from stewart_pin.model.formats.urdf_elements import CORE, UrdfElements
 from stewart_pin.model.formats.words import Grammar, Words
 from stewart_pin.model.unfolding import Unfolded
@@ -270,6 +282,42 @@ def _place(path: Path) -> Path:
     if fault:
         raise InputError(f"path: cannot write {str(path)!r}: {fault}")
     return place
+
+
+# ----------------------------------------------------------------------------------------------------
+# Limits that a format has no word for
+# ----------------------------------------------------------------------------------------------------
+
+
+def note_lost_limits(mechanism: Mechanism, format: str, *, balls: Collection[str] = BALL) -> tuple[Note, ...]:
+    """Note limits of loops, and of balls of the tree, which a format leaves out.
+
+    Parameters
+    ----------
+    mechanism
+        What is written.
+    format
+        Named in the notes.
+    balls
+        Which limits of balls of the tree are left out.
+
+    Returns
+    -------
+    tuple of Note
+        One per loop and ball that has such limits.
+    """
+    notes = [
+        Note(f"loop '{loop.name}'", f"its limits are left out: '{format}' has no word for them")
+        for loop in mechanism.loops
+        if any(bounds != Bounds() for bounds in loop.bounds)
+    ]
+    for joint in mechanism.joints:
+        stated = [key for key, end in zip(BALL, (joint.swing, joint.turn), strict=True) if end < np.inf]
+        lost = [key for key in stated if key in balls]
+        if lost:
+            text = f"its limits of {' and '.join(lost)} are left out: '{format}' has no word for them"
+            notes.append(Note(f"joint '{joint.name}'", text))
+    return tuple(notes)
 
 
 # ----------------------------------------------------------------------------------------------------

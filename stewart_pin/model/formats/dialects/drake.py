@@ -21,7 +21,7 @@ from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Loop, Mechanism, Note
-from stewart_pin.model.formats.dialect import Dialect, Parts
+from stewart_pin.model.formats.dialect import Dialect, Parts, note_lost_limits
 from stewart_pin.model.formats.dialects.mimic import write_mimics
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.urdf_writer import save, tree_element
@@ -149,7 +149,8 @@ def write_drake(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     for joint in mechanism.joints:
         if joint.independent:
             _write_transmission(robot, joint)
-    return (*notes, *save(robot, mechanism, path))
+    lost = note_lost_limits(mechanism, "drake")
+    return (*notes, *lost, *save(robot, mechanism, path))
 
 
 def _fix_to_world(robot: etree._Element, mechanism: Mechanism) -> None:

@@ -24,7 +24,7 @@ import pinocchio as pin
 
 from stewart_pin.errors import FileFormatError, FileMissingError, MissingExtraError, UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
-from stewart_pin.model.formats.dialect import Dialect, Parts, add_parts, carrier, find_frame
+from stewart_pin.model.formats.dialect import Dialect, Parts, add_parts, carrier, find_frame, note_lost_limits
 from stewart_pin.model.formats.dialects.mimic import write_mimics
 from stewart_pin.model.formats.urdf_writer import save, tree_element
 from stewart_pin.model.roles import mark_motors
@@ -228,7 +228,8 @@ def write_gepetto(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     }
     # JSON's lists and strings are YAML's, and quoted, so that names like "on" stay names.
     text = "".join(f"{key}: {json.dumps(value, ensure_ascii=False)}\n" for key, value in lists.items())
-    return (*notes, *save(robot, mechanism, path, side_car={path.with_suffix(".yaml"): text}))
+    lost = note_lost_limits(mechanism, "gepetto")
+    return (*notes, *lost, *save(robot, mechanism, path, side_car={path.with_suffix(".yaml"): text}))
 
 
 def _with_frame(mechanism: Mechanism, name: str, link: str, placement: pin.SE3) -> Mechanism:

@@ -22,7 +22,7 @@ from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import AXIS_FREE_LOOPS, JointKind, Loop, Mechanism, Note, Outcome
-from stewart_pin.model.formats.dialect import AT_ZERO, Dialect, Parts, relative_at_zero
+from stewart_pin.model.formats.dialect import AT_ZERO, Dialect, Parts, note_lost_limits, relative_at_zero
 from stewart_pin.model.formats.dialects.mimic import write_mimics
 from stewart_pin.model.formats.urdf_core import read_bounds
 from stewart_pin.model.formats.urdf_elements import LIMITS, UrdfElements
@@ -127,7 +127,8 @@ def write_isaac(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
             ("link2", loop.link2, loop.placement2),
         ):
             etree.SubElement(element, tag, {"link": link, **pose_attributes(placement)})
-    return (*notes, *save(robot, mechanism, path))
+    lost = note_lost_limits(mechanism, "isaac", balls=())
+    return (*notes, *lost, *save(robot, mechanism, path))
 
 
 _WORDS = {

@@ -9,8 +9,7 @@ switch constraints off (``mjDSBL_CONSTRAINT``) and project its answer on the mot
 (the null space of ``efc_J``); that is exact.
 
 Limits of joint speed and the name of the platform, for which MuJoCo has no word, stand in ``<custom>``, where `load`
-finds them. What has no counterpart is left out, and noted, but for limits of acceleration and jerk, of the swing of
-balls and of joints that close loops. What MuJoCo cannot express is an `UnsupportedError`.
+finds them. What has no counterpart is left out, and noted. What MuJoCo cannot express is an `UnsupportedError`.
 
 References
 ----------
@@ -19,7 +18,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +27,7 @@ from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
-from stewart_pin.model.formats.dialect import write_files
+from stewart_pin.model.formats.dialect import note_lost_limits, write_files
 from stewart_pin.model.formats.mjcf.bodies import Body, place, plan_bodies, quaternion_text
 from stewart_pin.model.formats.mjcf.compiling import ASSEMBLED, HOME, PLATFORM, SPEED
 from stewart_pin.model.formats.mjcf.shapes import MjcfShapes
@@ -229,7 +228,22 @@ def write_mjcf_file(
     writer = _MjcfWriter(mechanism, motors, path.resolve().parent)
     root = writer.write(np.asarray(gravity, dtype=float))
     write_files({path: root})
-    return (*writer.notes, *writer.shapes.notes)
+    lost = (*note_lost_limits(mechanism, "mjcf", balls=("swing",)), *_lost_rates(mechanism, motors))
+    return (*writer.notes, *writer.shapes.notes, *lost)
+
+
+def _lost_rates(mechanism: Mechanism, motors: Sequence[str]) -> Iterator[Note]:
+    """Note limits of joints for which there is neither a word of MuJoCo's nor one of ours."""
+    for joint in mechanism.joints:
+        spans = (
+            {key: getattr(joint.bounds, key) for key in ("acceleration", "jerk")} if joint.has_axis else {}
+        )
+        if joint.has_axis and joint.name not in motors and not np.isfinite(joint.bounds.effort).all():
+            spans["effort"] = joint.bounds.effort
+        lost = [key for key, span in spans.items() if np.isfinite(span).any()]
+        if lost:
+            text = f"its limits of {' and '.join(lost)} are left out: 'mjcf' has no word for them"
+            yield Note(f"joint '{joint.name}'", text)
 
 
 class _MjcfWriter:
