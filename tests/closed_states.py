@@ -45,7 +45,9 @@ def robot(name: str) -> stp.ClosedChain:
         return zoo_chain(name)
     if name in KINDS:
         rng = np.random.default_rng(11)
-        return gear_train(rng) if name == "gear_train" else two_bodies(JointKind(name), rng)
+        return (
+            gear_train(rng, differential=True) if name == "gear_train" else two_bodies(JointKind(name), rng)
+        )
     return stp.load(name)
 
 

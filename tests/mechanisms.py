@@ -102,11 +102,14 @@ def five_bar(
     return _near(Mechanism("five_bar", links, joints, (loop,), platform="tip"), home, motors)
 
 
-def gear_train(rng: np.random.Generator, *, driven: str = "pinion") -> stp.ClosedChain:
+def gear_train(
+    rng: np.random.Generator, *, driven: str = "pinion", differential: bool = False
+) -> stp.ClosedChain:
     """Build two geared shafts on a swinging frame, and a screw whose nut slides on one of them.
 
     The wheel follows the pinion by a polynomial (a cam), the nut follows the wheel by a lead; the frame swings freely
-    under its own motor. The joints between nut and wheel have no body in between on one side.
+    under its own motor. The joints between nut and wheel have no body in between on one side. A wheel of a
+    differential follows a sum of three joints.
     """
     links = (
         Link("ground"),
@@ -129,6 +132,11 @@ def gear_train(rng: np.random.Generator, *, driven: str = "pinion") -> stp.Close
         Coupling("belt", "turn", "wheel", (0.0, 3.0)),
         Coupling("thread", "slide", "turn", (0.1, 0.02)),
     )
+    if differential:
+        ratios = ("turn", -0.7), ("slide", 2.0)
+        couplings += (Coupling("differential", "planet", "pinion", (0.3, 0.5, -0.2), ratios),)
+        links += (Link("planet", body(rng)),)
+        joints += (Joint("planet", R, "frame", "planet", turned(rng), axes[0]),)
     parts = Mechanism("gear_train", links, joints, couplings=couplings, platform="nut")
     return build_chain(parts)
 

@@ -55,7 +55,8 @@ def in_other_unit(chain: stp.ClosedChain, k: float) -> stp.ClosedChain:
 
     def coupling(c: Coupling) -> Coupling:
         numbers = tuple(x * unit(c.joint1) / unit(c.joint2) ** n for n, x in enumerate(c.polynomial))
-        return replace(c, polynomial=numbers)
+        others = tuple((name, ratio * unit(c.joint1) / unit(name)) for name, ratio in c.others)
+        return replace(c, polynomial=numbers, others=others)
 
     mechanism = replace(
         old,
@@ -118,7 +119,7 @@ def recut(chain: stp.ClosedChain) -> stp.ClosedChain | None:
     """
     old = chain.described()
     parent = {joint.child: joint for joint in old.joints}
-    coupled = {name for coupling in old.couplings for name in (coupling.joint1, coupling.joint2)}
+    coupled = {name for coupling in old.couplings for name in coupling.joints}
     for loop in old.loops:
         if loop.kind not in _TREE_ABLE:
             continue

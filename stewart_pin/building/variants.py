@@ -343,14 +343,39 @@ def _closed(chain: ClosedChain, q: Configuration) -> Configuration:
     return close_loops(chain, q).q
 
 
+def _fewer_others(coupling: Coupling, locked: set[str], values: dict[str, Configuration]) -> Coupling:
+    """Rewrite a coupling to a sum of joints, some of them locked, with at least one fewer besides the two."""
+    terms = dict(coupling.others)
+    constant, *powers = coupling.polynomial
+    held = [name for name in terms if name in locked]
+    if held:
+        constant += sum(terms.pop(name) * float(values[name][0]) for name in held)
+        return replace(coupling, polynomial=(constant, *powers), others=tuple(terms.items()))
+    # One of the two is locked, and the first of the others takes its place.
+    (other, ratio), *rest = coupling.others
+    if coupling.joint1 in locked:
+        # q1 = p(q2) + r q + ..., solved for q.
+        shares = tuple(-power / ratio for power in powers)
+        constant = (float(values[coupling.joint1][0]) - constant) / ratio
+        return replace(
+            coupling,
+            joint1=other,
+            polynomial=(constant, *shares),
+            others=tuple((name, -share / ratio) for name, share in rest),
+        )
+    stands = float(np.polynomial.Polynomial(coupling.polynomial)(float(values[str(coupling.joint2)][0])))
+    return replace(coupling, joint2=other, polynomial=(stands, ratio), others=tuple(rest))
+
+
 def _with_locked(coupling: Coupling, locked: set[str], values: dict[str, Configuration]) -> Coupling | None:
     """Rewrite a coupling for the joints that are left: the partner of a locked joint stands still."""
-    ends = [name for name in (coupling.joint1, coupling.joint2) if name is not None]
-    left = [name for name in ends if name not in locked]
-    if len(left) == len(ends):
+    left = [name for name in coupling.joints if name not in locked]
+    if len(left) == len(coupling.joints):
         return coupling
     if not left:
         return None
+    if coupling.others:
+        return _with_locked(_fewer_others(coupling, locked, values), locked, values)
     stands = float(values[left[0]][0])
     if left[0] == coupling.joint2:
         slope = np.polynomial.Polynomial(coupling.polynomial).deriv()(stands)

@@ -115,7 +115,9 @@ def _add_parts(table: Table, mechanism: Mechanism, rows: Mapping[str, int]) -> N
     counted = {name: f", {number} rows" for name, number in rows.items()}
     told = [f"{x.name}: {x.kind}, {x.link1} to {x.link2}{counted.get(x.name, '')}" for x in mechanism.loops]
     table.add_row("loops", "\n".join(told) or "none")
-    couplings = [f"{x.name}: {x.joint1} follows {x.joint2 or 'none'}" for x in mechanism.couplings]
+    couplings = [
+        f"{x.name}: {x.joint1} follows {', '.join(x.joints[1:]) or 'none'}" for x in mechanism.couplings
+    ]
     table.add_row("couplings", "\n".join(couplings) or "none")
 
 

@@ -85,7 +85,7 @@ def kernels_for(chain: ClosedChain, states: int, wanted: bool | None = None) -> 
 
 
 def _counts_turns(chain: ClosedChain) -> Coupling | None:
-    """Find a coupling by which a whole turn of one joint is something else than whole turns of the other.
+    """Find a coupling by which a whole turn of one joint is something else than whole turns of the others.
 
     A loop sees sines and cosines alone. But a gear of 2.6 stands elsewhere after a turn, and a screw after many: the
     state at a pose is then that of the way there, where kernels go from home.
@@ -93,10 +93,11 @@ def _counts_turns(chain: ClosedChain) -> Coupling | None:
     for coupling in chain.mechanism.couplings:
         if coupling.joint2 is None:
             continue
-        kinds = [chain.mechanism.joint(name).kind for name in (coupling.joint1, coupling.joint2)]
+        kinds = [chain.mechanism.joint(name).kind for name in coupling.joints]
         ratio = np.trim_zeros(coupling.polynomial[1:], "b")
-        one_to_one = len(ratio) == 1 and abs(ratio[0]) == 1.0 and kinds[0] is kinds[1]
-        if len(ratio) and JointKind.REVOLUTE in kinds and not one_to_one:
+        ratios = [*ratio[:1], *(other for _, other in coupling.others)]
+        one_to_one = len(ratio) == 1 and {abs(one) for one in ratios} == {1.0} and len(set(kinds)) == 1
+        if len(ratios) and JointKind.REVOLUTE in kinds and not one_to_one:
             return coupling
     return None
 

@@ -126,7 +126,7 @@ def all_forward_kinematics(
 def _wound(chain: ClosedChain, guess: Configuration, target: FloatArray) -> Configuration:
     """Turn motors by whole turns to within half a turn of where they shall stand, unless a coupling counts these."""
     guess = np.array(guess)
-    coupled = {name for coupling in chain.mechanism.couplings for name in (coupling.joint1, coupling.joint2)}
+    coupled = {name for coupling in chain.mechanism.couplings for name in coupling.joints}
     for name, at, wanted in zip(chain.motors, chain.motor_q_index, target, strict=True):
         if chain.mechanism.joint(name).kind is JointKind.REVOLUTE and name not in coupled:
             guess[at] += 2 * np.pi * np.round((wanted - guess[at]) / (2 * np.pi))

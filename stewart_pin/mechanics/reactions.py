@@ -150,7 +150,8 @@ def _uniqueness(state: State) -> tuple[list[bool], list[bool]]:
         body[table.joint1[k]] -= total
         loops[k] = bool(np.abs(stress[rows] * chain.row_sizes[rows, None]).max(initial=0.0) < TAKES_PART)
     coupling = table.coupling
-    geared = {int(k) for k in (*coupling.v1, *coupling.v2) if k >= 0} if coupling.index.size else set()
+    others = np.flatnonzero(coupling.ratios_v.any(axis=0))
+    geared = {int(k) for k in (*coupling.v1, *coupling.v2, *others) if k >= 0}
     idle_gear = np.abs(stress[coupling.index]).max(initial=0.0) < TAKES_PART
     for number in range(chain.model.njoints - 1, 0, -1):
         joint = chain.model.joints[number]

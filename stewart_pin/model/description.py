@@ -235,9 +235,10 @@ class Loop:
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """Two one-freedom joints that move together: a gear, a belt, a mimic joint, the thread of a screw.
+    """One-freedom joints that move together: a gear, a belt, a mimic joint, the thread of a screw, a differential.
 
-    The first joint stands at ``c0 + c1 x + c2 x² + ...``, with x the position of the second.
+    The first joint stands at ``c0 + c1 x + c2 x² + ... + r3 x3 + r4 x4 + ...``, with x the position of the second, and
+    x3, x4, ... those of the others.
 
     Attributes
     ----------
@@ -249,12 +250,21 @@ class Coupling:
         Joint that it follows, or None: joint 1 stands at c0.
     polynomial
         (n,) coefficients c0, c1, ... [unit of joint 1 per power of the unit of joint 2].
+    others
+        Further joints that it follows, each with its ratio [unit of joint 1 per unit of that joint].
     """
 
     name: str
     joint1: str
     joint2: str | None
     polynomial: tuple[float, ...]
+    others: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of all its joints, the one that follows first."""
+        followed = () if self.joint2 is None else (self.joint2,)
+        return (self.joint1, *followed, *(name for name, _ in self.others))
 
 
 class Outcome(StrEnum):

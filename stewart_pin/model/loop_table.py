@@ -47,7 +47,7 @@ class RowGroup:
 
 @dataclass(frozen=True, eq=False)
 class CouplingRows:
-    """Rows ``q1 - p(q2) = 0``, one per coupling.
+    """Rows ``q1 - p(q2) - r q = 0``, one per coupling.
 
     Attributes
     ----------
@@ -59,6 +59,10 @@ class CouplingRows:
         (r,) indices of the joints in the tangent, likewise.
     polynomial
         (r, n) coefficients of p from the constant one on, padded with zeros [unit of joint 1 per power of that of 2].
+    ratios_q
+        (r, nq) ratios of the joints that are followed besides, in the configuration [unit of joint 1 per unit of each].
+    ratios_v
+        (r, nv) the same in the tangent [unit of joint 1 per unit of each].
     """
 
     index: np.ndarray
@@ -67,6 +71,8 @@ class CouplingRows:
     v1: np.ndarray
     v2: np.ndarray
     polynomial: FloatArray
+    ratios_q: FloatArray
+    ratios_v: FloatArray
 
     def evaluate(self, q: FloatArray, order: int) -> FloatArray:
         """Evaluate the polynomials or a derivative of theirs.
@@ -301,6 +307,11 @@ def _couplings(mechanism: Mechanism, model: pin.Model, first: int) -> CouplingRo
     twos = np.array([at(c.joint2) for c in couplings], dtype=int).reshape(-1, 2)
     width = max((len(c.polynomial) for c in couplings), default=1)
     padded = [[*c.polynomial, *[0.0] * (width - len(c.polynomial))] for c in couplings]
+    ratios_q, ratios_v = np.zeros((len(couplings), model.nq)), np.zeros((len(couplings), model.nv))
+    for k, coupling in enumerate(couplings):
+        for name, ratio in coupling.others:
+            in_q, in_v = at(name)
+            ratios_q[k, in_q], ratios_v[k, in_v] = ratio, ratio
     return CouplingRows(
         index=np.arange(first, first + len(couplings)),
         q1=ones[:, 0],
@@ -308,6 +319,8 @@ def _couplings(mechanism: Mechanism, model: pin.Model, first: int) -> CouplingRo
         v1=ones[:, 1],
         v2=twos[:, 1],
         polynomial=np.array(padded, dtype=float).reshape(-1, width),
+        ratios_q=ratios_q,
+        ratios_v=ratios_v,
     )
 
 

@@ -241,9 +241,7 @@ class _Validator:
         loops = {loop.name for loop in self.mechanism.loops}
         for coupling in self.mechanism.couplings:
             owner = f"coupling '{coupling.name}'"
-            for name in (coupling.joint1, coupling.joint2):
-                if name is None:
-                    continue
+            for name in coupling.joints:
                 if name in loops:
                     raise self._error(
                         coupling.name,
@@ -260,8 +258,16 @@ class _Validator:
                         f"{owner} names joint '{name}' of type '{joints[name].kind}'; only joints of one freedom can "
                         "be coupled",
                     )
-            if coupling.joint1 == coupling.joint2:
-                raise self._error(coupling.name, f"{owner} couples joint '{coupling.joint1}' to itself")
+            for name, count in Counter(coupling.joints).items():
+                if count > 1:
+                    raise self._error(coupling.name, f"{owner} couples joint '{name}' to itself")
+            ratios = np.array([ratio for _, ratio in coupling.others])
+            if not (np.isfinite(ratios).all() and ratios.all()) or (coupling.others and not coupling.joint2):
+                raise self._error(
+                    coupling.name,
+                    f"{owner} follows others by the ratios {coupling.others}; give finite ones but zero, and a second "
+                    "joint first",
+                )
             numbers = np.asarray(coupling.polynomial, dtype=float)
             if numbers.ndim != 1 or not numbers.size or not np.isfinite(numbers).all():
                 raise self._error(

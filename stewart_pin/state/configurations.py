@@ -82,7 +82,7 @@ def unwound(chain: ClosedChain, q: Configuration, *, asked: Collection[str] = ()
         where they are.
     """
     q = np.array(q)
-    kept = {name for coupling in chain.mechanism.couplings for name in (coupling.joint1, coupling.joint2)}
+    kept = {name for coupling in chain.mechanism.couplings for name in coupling.joints}
     for joint in chain.mechanism.joints:
         if joint.kind is JointKind.REVOLUTE and joint.name not in kept and joint.name not in asked:
             at = chain.model.joints[chain.model.getJointId(joint.name)].idx_q

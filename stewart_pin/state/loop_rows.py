@@ -17,6 +17,7 @@ normal   n · t          n                  p2 × n
 angle    u1 · R u2      0                  u2 × u1
 length   ǀtǀ - length   e                  p2 × e
 coupling q1 - p(q2)     joint efforts 1 and -p' instead of a wrench
+         - r q          and -r at further joints
 ======== ============== ================== =========================================
 
 This is the only place of the package that knows them for one state; the kernels write them as programs, and the
@@ -131,7 +132,7 @@ def gap_of(table: LoopTable, at: PlacedLoops, q: Configuration) -> FloatArray:
     gap = _scattered(table, gap, (at.u1 * at.u2).sum(axis=1))
     gap[rod.index] = at.reach - rod.length
     if coupling.index.size:
-        gap[coupling.index] = q[coupling.q1] - coupling.evaluate(q, 0)
+        gap[coupling.index] = q[coupling.q1] - coupling.evaluate(q, 0) - coupling.ratios_q @ q
     return gap
 
 
@@ -192,6 +193,7 @@ def jacobian_of(table: LoopTable, wrench: FloatArray, joints: FloatArray, q: Con
     coupling = table.coupling
     if coupling.index.size:
         jacobian[coupling.index, coupling.v1] += 1.0
+        jacobian[coupling.index] -= coupling.ratios_v
         follows = coupling.v2 >= 0
         jacobian[coupling.index[follows], coupling.v2[follows]] -= coupling.evaluate(q, 1)[follows]
     return jacobian

@@ -213,7 +213,7 @@ def loop_wrench(
 def _coupling_efforts(
     chain: ClosedChain, q: Configuration, lambda_c: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Joint efforts of the couplings, 1 and -p' times each reaction, and what of them changes with q2."""
+    """Joint efforts of the couplings, 1, -p' and -r times each reaction, and what of them changes with q2."""
     rows, slope, curve = (
         chain.loop_table.coupling,
         *(chain.loop_table.coupling.evaluate(q, n) for n in (1, 2)),
@@ -224,7 +224,7 @@ def _coupling_efforts(
         if rows.v2[k] >= 0:
             efforts[rows.v2[k]] -= slope[k] * lambda_c[row]
             derivative[rows.v2[k], rows.v2[k]] -= curve[k] * lambda_c[row]
-    return efforts, derivative
+    return efforts - lambda_c[rows.index] @ rows.ratios_v, derivative
 
 
 def _force_cross(columns: FloatArray, wrench: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from dataclasses import replace
 from pathlib import Path
 
@@ -154,6 +155,40 @@ def test_couplings_without_a_word(coupling: Coupling, words: str, tmp_path: Path
     for format in ("drake", "isaac", "gepetto"):
         with pytest.raises(UnsupportedError, match=f"coupling 'cam' {words}.* format '{format}'"):
             again(chain, format, tmp_path)
+
+
+@pytest.mark.parametrize("format", ["urdf+", "mjcf"])
+def test_a_differential_is_written_and_read(format: str, tmp_path: Path) -> None:
+    if format == "mjcf":
+        pytest.importorskip("mujoco")
+    chain = linear(gear_train(np.random.default_rng(5), differential=True))
+    path = tmp_path / ("again.xml" if format == "mjcf" else "again.urdf")
+    stp.export(chain, path, format=format)
+    ours, read = (loaded.couplings[-1] for loaded in (chain, stp.load(path)))
+    assert (
+        (read.name, read.joints)
+        == (ours.name, ours.joints)
+        == (
+            "differential",
+            ("planet", "pinion", "turn", "slide"),
+        )
+    )
+    np.testing.assert_allclose(read.polynomial, ours.polynomial, rtol=1e-15)
+    np.testing.assert_allclose(*([ratio for _, ratio in each.others] for each in (read, ours)), rtol=1e-15)
+    names = {"drake": "other.urdf", "isaac": "other.urdf", "gepetto": "other.urdf", "sdf": "other.sdf"}
+    if importlib.util.find_spec("pxr"):
+        names["usd"] = "other.usda"
+    for other, name in names.items():
+        with pytest.raises(UnsupportedError, match="coupling 'differential' follows a sum of joints"):
+            stp.export(chain, tmp_path / name, format=other)
+        assert not (tmp_path / name).exists()
+
+
+def test_a_cam_in_a_sum_is_no_tendon(tmp_path: Path) -> None:
+    with pytest.raises(
+        UnsupportedError, match="coupling 'differential' follows a sum of joints, one of them by a"
+    ):
+        stp.export(gear_train(np.random.default_rng(5), differential=True), tmp_path / "a.xml", format="mjcf")
 
 
 def test_a_gear_is_written_as_urdf_plus_has_it(tmp_path: Path) -> None:

@@ -108,6 +108,13 @@ def test_coupled_joints(joints: tuple[str, ...], rng: np.random.Generator) -> No
     require_same_motion(gear_train(rng), joints, rng)
 
 
+@pytest.mark.parametrize(
+    "joints", [("planet",), ("pinion",), ("slide",), ("turn", "slide"), ("planet", "turn")]
+)
+def test_joints_of_a_differential(joints: tuple[str, ...], rng: np.random.Generator) -> None:
+    require_same_motion(gear_train(rng, differential=True), joints, rng)
+
+
 def test_inverse_dynamics_of_the_motors_that_are_left(rng: np.random.Generator) -> None:
     """A locked leg pushes as its motor would; the other five give what they give in the whole robot."""
     chain = robot("stewart")

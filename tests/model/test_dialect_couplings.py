@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import stewart_pin as stp
@@ -37,15 +38,28 @@ def test_coupling_of_a_rotor(tmp_path: Path) -> None:
     assert (chain.nc, chain.couplings[0].polynomial) == (1, (0.0, 6.0))
 
 
-def test_coupling_of_sums_is_refused_by_name(tmp_path: Path) -> None:
+def test_coupling_of_sums(tmp_path: Path) -> None:
+    """One motor moves two joints: rotor = 2 (hip + abduct), and told the other way hip + abduct = 0.5 rotor."""
     text = (
         '<coupling name="belt"><predecessor link="platform"/><successor link="abduct_rotor"/><ratio value="2"/>'
         "</coupling>"
     )
-    with pytest.raises(
-        UnsupportedError, match="coupling 'belt' couples joint 'rotor_turn' to the sum of hip, abduct_turn"
-    ):
-        stp.load(write(tmp_path, robot(*LEG, text)))
+    chain = stp.load(write(tmp_path, robot(*LEG, text)))
+    back = text.replace("abduct_rotor", "x").replace("platform", "abduct_rotor").replace("x", "platform")
+    other = stp.load(write(tmp_path, robot(*LEG, back.replace('value="2"', 'value="0.5"'))))
+    for told in (chain, other):
+        joints = dict(zip(told.tangent_names, np.eye(3), strict=True))
+        row = stp.loop_jacobian(told, told.q_home)[0]
+        wanted = joints["rotor_turn"] - 2 * (joints["hip"] + joints["abduct_turn"])
+        rotor = told.tangent_names.index("rotor_turn")
+        np.testing.assert_allclose(row / row[rotor], wanted, rtol=1e-15)
+        assert (told.nc, stp.mobility(told).dof) == (1, 2)
+    for link_ in ("base", "abduct"):
+        bare = text.replace("abduct_rotor", link_)
+        with pytest.raises(
+            UnsupportedError, match="coupling 'belt': no joint moves between the successor and"
+        ):
+            stp.load(write(tmp_path, robot(*LEG, bare)))
 
 
 def test_mimic(tmp_path: Path) -> None:

@@ -134,8 +134,6 @@ def test_sums_of_joints_become_couplings(tmp_path: Path) -> None:
 
 
 TENDONS = {
-    "three joints": '<fixed name="t"><joint joint="motor" coef="1"/><joint joint="wrist" coef="1"/>'
-    '<joint joint="third" coef="1"/></fixed>',
     "three sites": '<spatial name="t"><site site="palm"/><site site="anchor"/><site site="tip"/></spatial>',
     "pulley": '<spatial name="t"><site site="palm"/><site site="anchor"/><pulley divisor="2"/>'
     '<site site="palm"/><site site="tip"/></spatial>',
@@ -151,13 +149,31 @@ def test_other_tendon_constraints_are_refused_by_name(tmp_path: Path, tendon: st
     assert caught.value.culprit == "hold"
 
 
-def test_two_tendons_are_refused(tmp_path: Path) -> None:
-    tendons = "".join(
-        f'<fixed name="{joint}"><joint joint="{joint}" coef="1"/></fixed>' for joint in ("motor", "wrist")
+def test_sums_of_many_joints_and_of_two_tendons(tmp_path: Path) -> None:
+    """Lengths stand out from those at zero joint values, the second tendon's by the slope of the polynomial."""
+    world = BOTH + body("c", hinge("third", ref="0.5"))
+    sums = (
+        '<tendon><fixed name="s"><joint joint="wrist" coef="2"/><joint joint="motor" coef="-4"/>'
+        '<joint joint="third" coef="3"/></fixed><fixed name="t"><joint joint="third" coef="-1"/>'
+        '<joint joint="motor" coef="2"/></fixed></tendon>'
     )
-    tie = '<tendon name="hold" tendon1="motor" tendon2="wrist"/>'
-    with pytest.raises(FileFormatError, match=r"'hold': .*without a second tendon"):
-        read(tmp_path, BOTH, f"<tendon>{tendons}</tendon>", equality(tie))
+    (one,) = read(tmp_path, world, sums, equality('<tendon tendon1="s" polycoef="6 0 0 0 0"/>')).couplings
+    assert (one.joint1, one.joint2, one.others) == ("wrist", "motor", (("third", -1.5),))
+    assert one.polynomial == (3.75, 2.0)  # 2 wrist - 4 motor + 3 third = 6 + 3 · 0.5
+    (two,) = read(
+        tmp_path, world, sums, equality('<tendon tendon1="s" tendon2="t" polycoef="0 2 0 0 0"/>')
+    ).couplings
+    # 2 wrist - 4 motor + 3 third - 1.5 = 2 (2 motor - third + 0.5)
+    assert (two.joints, two.others, two.polynomial) == (
+        ("wrist", "motor", "third"),
+        (("third", -2.5),),
+        (1.25, 4.0),
+    )
+    for polynomial, second in (("0 1 1 0 0", "t"), ("0 1 0 0 0", "line")):
+        sites = '<spatial name="line"><site site="anchor"/><site site="palm"/></spatial></tendon>'
+        tie = equality(f'<tendon name="hold" tendon1="s" tendon2="{second}" polycoef="{polynomial}"/>')
+        with pytest.raises(FileFormatError, match=r"'hold': .*two of them in proportion"):
+            read(tmp_path, '<site name="anchor"/>' + world, sums.replace("</tendon>", sites), tie)
 
 
 def test_a_loop_of_one_body_is_refused(tmp_path: Path) -> None:

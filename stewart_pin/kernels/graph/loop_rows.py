@@ -78,6 +78,8 @@ def loop_columns(tree: Tree, at: Placements, q: ca.SX) -> LoopColumns:
         columns[:, index] = efforts_of_wrenches(tree.joints, at, wrenches, len(index))
     for row in tree.couplings:
         columns[row.v1, row.index] = 1
+        for _, entry, ratio in row.others:
+            columns[entry, row.index] = -ratio
         if row.v2 >= 0:
             columns[row.v2, row.index] = -follower(row, q, 1)
     return LoopColumns(columns, turn)
@@ -275,7 +277,7 @@ def loop_gaps(tree: Tree, at: Placements, q: ca.SX) -> ca.SX:
                 case LengthRow():
                     gap[index] = ca.norm_2(reach) - row.length
     for row in tree.couplings:
-        gap[row.index] = q[row.q1] - follower(row, q, 0)
+        gap[row.index] = q[row.q1] - follower(row, q, 0) - sum(ratio * q[at] for at, _, ratio in row.others)
     return gap
 
 

@@ -108,7 +108,7 @@ class LoopEnds:
 
 @dataclass(frozen=True, eq=False)
 class CouplingRow:
-    """A row ``q1 - p(q2) = 0`` between two joints.
+    """A row ``q1 - p(q2) - r q = 0`` between joints.
 
     Attributes
     ----------
@@ -120,6 +120,8 @@ class CouplingRow:
         Entries of joint 2, or -1 where there is none.
     polynomial
         (n,) coefficients of p from the constant one on [unit of joint 1 per power of the unit of joint 2].
+    others
+        Entries of further joints in configuration and tangent, and their ratios [unit of joint 1 per unit of each].
     """
 
     index: int
@@ -128,6 +130,7 @@ class CouplingRow:
     q2: int
     v2: int
     polynomial: FloatArray
+    others: tuple[tuple[int, int, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,6 +305,12 @@ def _couplings(chain: ClosedChain) -> tuple[CouplingRow, ...]:
             q2=int(rows.q2[k]),
             v2=int(rows.v2[k]),
             polynomial=rows.polynomial[k],
+            others=tuple(
+                (int(q), int(v), float(rows.ratios_v[k, v]))
+                for q, v in zip(
+                    np.flatnonzero(rows.ratios_q[k]), np.flatnonzero(rows.ratios_v[k]), strict=True
+                )
+            ),
         )
         for k in range(len(rows.index))
     )

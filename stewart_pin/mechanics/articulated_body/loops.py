@@ -27,7 +27,7 @@ from stewart_pin.tolerances import NOTHING
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 # ----------------------------------------------------------------------------------------------------
-# Couplings as rows of joint rates: q1 = p(q2) holds v1 - p' v2 = 0 and a1 - p' a2 = p'' v2²
+# Couplings as rows of joint rates: q1 = p(q2) + Σ r q holds v1 - p' v2 - Σ r v = 0, a1 - p' a2 - Σ r a = p'' v2²
 # ----------------------------------------------------------------------------------------------------
 
 
@@ -87,6 +87,9 @@ def coupling_rows(chain: ClosedChain, bodies: Sequence[Body], q: Configuration, 
             second = at[coupling.joint2].v_index
             jacobian[k, second] = -slope
             bias[k] = -2.0 * half_curve * float(v[second][0]) ** 2
+        for name, ratio in coupling.others:
+            jacobian[k, at[name].v_index] = -ratio
+            gap[k] -= ratio * float(q[at[name].q_index][0])
     return GearRows(jacobian, gap, bias)
 
 

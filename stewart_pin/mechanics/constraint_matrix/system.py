@@ -41,9 +41,10 @@ from stewart_pin.state.state import State, as_state
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
 # ----------------------------------------------------------------------------------------------------
-# Columns of couplings: a gear between two joints, which may hang on four bodies
+# Columns of couplings: a gear between joints, two of which may hang on four bodies
 #
-# With q1 = p(q2), the gear gives joint 1 an effort η and joint 2 the effort -p' η, and demands a1 - p' a2 = p'' v2².
+# With q1 = p(q2) + Σ r q, the gear gives joint 1 an effort η, joint 2 the effort -p' η, the others -r η, and demands
+# a1 - p' a2 - Σ r a = p'' v2².
 # ----------------------------------------------------------------------------------------------------
 
 
@@ -85,6 +86,7 @@ def coupling_parts(
     if coupling.joint2 is not None:
         q2, v2 = _coordinate(chain, coupling.joint2, q, v)
         parts.append((coupling.joint2, -float(power.deriv()(q2)), float(power.deriv(2)(q2)) * v2**2))
+    parts += [(name, -ratio, 0.0) for name, ratio in coupling.others]
     built = []
     for name, ratio, demand in parts:
         at = layout.compound(name)
@@ -122,6 +124,9 @@ def coupling_opening(
     power = np.polynomial.Polynomial(coupling.polynomial)
     q1, v1 = _coordinate(chain, coupling.joint1, q, v)
     a1 = _coordinate(chain, coupling.joint1, q, a)[1]
+    for name, ratio in coupling.others:
+        turned, rate = _coordinate(chain, name, q, v)
+        q1, v1, a1 = q1 - ratio * turned, v1 - ratio * rate, a1 - ratio * _coordinate(chain, name, q, a)[1]
     if coupling.joint2 is None:
         return q1 - float(power(0.0)), v1, a1
     q2, v2 = _coordinate(chain, coupling.joint2, q, v)

@@ -125,7 +125,7 @@ class _Sorter:
     def __init__(self, mechanism: Mechanism, motors: tuple[str, ...], platform: str) -> None:
         self.mechanism = mechanism
         # A coupling acts on a joint's own freedom as a motor does.
-        coupled = {name for c in mechanism.couplings for name in (c.joint1, c.joint2) if name is not None}
+        coupled = {name for coupling in mechanism.couplings for name in coupling.joints}
         self.motors = {*motors, *coupled}
         self.platform = platform
         self.parent = {joint.child: joint for joint in mechanism.joints}

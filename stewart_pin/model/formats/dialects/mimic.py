@@ -100,7 +100,9 @@ def write_mimics(robot: etree._Element, mechanism: Mechanism, format: str) -> No
         joint = joints[coupling.joint1]
         offset, multiplier, *higher = (*coupling.polynomial, 0.0, 0.0)
         fault = ""
-        if coupling.joint2 is None:
+        if coupling.others:
+            fault = "follows a sum of joints"
+        elif coupling.joint2 is None:
             fault = "holds a joint still: make the joint fixed"
         elif any(higher):
             fault = "is not linear"

@@ -7,10 +7,10 @@ each ``coordinate``.
 
 A coupling has a ``<predecessor link>``, a ``<successor link>`` and a ``<ratio value>``: the positions of the joints
 from the nearest common ancestor of the two links to the successor sum up to the ratio times that of the predecessor.
-With a motor's rotor as successor, on the same parent as the link that it drives: rotor = ratio × link. Here each side
-has to be one joint. Other couplings of two joints are written, and read, as ``type="polynomial"``: ``<follower joint>``
-stands at the polynomial ``<polynomial value>``, constant first, of ``<leader joint>``; without a leader, at the
-constant. Readers that know none of all this see the spanning tree.
+With a motor's rotor as successor, on the same parent as the link that it drives: rotor = ratio × link. Other couplings
+are written, and read, as ``type="polynomial"``: ``<follower joint>`` stands at the polynomial ``<polynomial value>``,
+constant first, of ``<leader joint>``; without a leader, at the constant; each ``<also joint ratio>`` adds its ratio
+times the position of one more joint. Readers that know none of all this see the spanning tree.
 
 References
 ----------
@@ -91,20 +91,16 @@ def _read_coupling(reader: UrdfElements, element: etree._Element) -> Parts:
 
     def coupled(mechanism: Mechanism) -> Parts:
         leaders, followers = joints_apart(mechanism, *links)
-        if len(leaders) != 1 or len(followers) != 1:
+        if not leaders or not followers:
+            lacks = "predecessor" if followers else "successor"
             raise UnsupportedError(
-                f"{reader.path}: {owner} couples {_sum_text(followers)} to {_sum_text(leaders)}; only one joint on "
-                "each side of the common ancestor of predecessor and successor is supported"
+                f"{reader.path}: {owner}: no joint moves between the {lacks} and the common ancestor of both; name "
+                "links on two branches"
             )
-        return Parts(couplings=(Coupling(name, followers[0], leaders[0], (0.0, ratio)),))
+        others = [(joint, ratio) for joint in leaders[1:]] + [(joint, -1.0) for joint in followers[1:]]
+        return Parts(couplings=(Coupling(name, followers[0], leaders[0], (0.0, ratio), tuple(others)),))
 
     return Parts(later=coupled)
-
-
-def _sum_text(names: list[str]) -> str:
-    return (
-        f"the sum of {', '.join(names)}" if len(names) > 1 else f"joint '{names[0]}'" if names else "no joint"
-    )
 
 
 def joints_apart(mechanism: Mechanism, link1: str, link2: str) -> tuple[list[str], list[str]]:
@@ -129,7 +125,7 @@ def joints_apart(mechanism: Mechanism, link1: str, link2: str) -> tuple[list[str
 
 
 def _read_polynomial(reader: UrdfElements, element: etree._Element, name: str, owner: str) -> Parts:
-    reader.only(element, owner, ("name", "type"), ("follower", "leader", "polynomial"))
+    reader.only(element, owner, ("name", "type"), ("follower", "leader", "polynomial", "also"))
     follower = reader.child(element, "follower", owner)
     leader = reader.optional(element, "leader", owner)
     numbers = reader.child(element, "polynomial", owner)
@@ -137,7 +133,13 @@ def _read_polynomial(reader: UrdfElements, element: etree._Element, name: str, o
         reader.text(numbers, "value", owner), None, f"{owner}: <polynomial value>", owner
     )
     joint2 = None if leader is None else reader.text(leader, "joint", owner)
-    coupling = Coupling(name, reader.text(follower, "joint", owner), joint2, tuple(map(float, coefficients)))
+    others: list[tuple[str, float]] = []
+    for also in element.findall("also"):
+        reader.only(also, owner, ("joint", "ratio"))
+        others.append((reader.text(also, "joint", owner), float(reader.numbers(also, "ratio", 1, owner)[0])))
+    coupling = Coupling(
+        name, reader.text(follower, "joint", owner), joint2, tuple(map(float, coefficients)), tuple(others)
+    )
     return Parts(couplings=(coupling,))
 
 
@@ -167,7 +169,7 @@ def write_urdf_plus(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
 def _write_coupling(robot: etree._Element, mechanism: Mechanism, coupling: Coupling) -> None:
     """Write a coupling as URDF+ has it where it can say it, else as a polynomial."""
     links = [mechanism.joint(name).child for name in (coupling.joint2, coupling.joint1) if name is not None]
-    plain = len(coupling.polynomial) == 2 and coupling.polynomial[0] == 0
+    plain = len(coupling.polynomial) == 2 and coupling.polynomial[0] == 0 and not coupling.others
     if plain and joints_apart(mechanism, *links) == ([coupling.joint2], [coupling.joint1]):
         element = etree.SubElement(robot, "coupling", name=coupling.name, type="rolling")
         etree.SubElement(element, "predecessor", link=links[0])
@@ -179,6 +181,8 @@ def _write_coupling(robot: etree._Element, mechanism: Mechanism, coupling: Coupl
     if coupling.joint2 is not None:
         etree.SubElement(element, "leader", joint=coupling.joint2)
     etree.SubElement(element, "polynomial", value=number_text(coupling.polynomial))
+    for joint, ratio in coupling.others:
+        etree.SubElement(element, "also", joint=joint, ratio=number_text([ratio]))
 
 
 def _write_loop(robot: etree._Element, loop: Loop) -> None:
@@ -212,13 +216,15 @@ DIALECT = Dialect(
         "loop/length": Words(("value",)),
         "loop/limit": Words(("coordinate", *LIMITS)),
         "robot/coupling": Words(
-            ("name", "type"), ("predecessor", "successor", "ratio", "follower", "leader", "polynomial")
+            ("name", "type"),
+            ("predecessor", "successor", "ratio", "follower", "leader", "polynomial", "also"),
         ),
         "coupling/predecessor": Words(("link",)),
         "coupling/successor": Words(("link",)),
         "coupling/ratio": Words(("value",)),
         "coupling/follower": Words(("joint",)),
         "coupling/leader": Words(("joint",)),
+        "coupling/also": Words(("joint", "ratio")),
         "coupling/polynomial": Words(("value",)),
     },
     write=write_urdf_plus,

@@ -44,8 +44,8 @@ def read_ties(model: Any, tree: Tree, *, source: str) -> Ties:
     """Turn equality constraints into loops and couplings.
 
     A ``connect`` is a spherical loop, a ``weld`` a fixed one, ``joint`` a coupling. A ``tendon`` equality is a loop
-    of constant distance where the tendon runs straight between two sites, and a coupling where it is a sum of one or
-    two joints.
+    of constant distance where the tendon runs straight between two sites, and a coupling where it is a sum of joints,
+    or stands in proportion to another sum.
 
     Parameters
     ----------
@@ -162,32 +162,57 @@ class _TieReader:
         if second < 0 and kinds == {int(self.wraps.mjWRAP_SITE)} and count == 2:
             end1, end2 = (self._at_site(int(model.wrap_objid[part])) for part in parts)
             self._add(k, JointKind.DISTANCE, end1, end2, length=constant)
-        elif second < 0 and kinds == {int(self.wraps.mjWRAP_JOINT)} and count <= 2:
-            self._sum(k, [(int(model.wrap_objid[p]), float(model.wrap_prm[p])) for p in parts], constant)
-        else:
+            return
+        terms = self._terms(first)
+        if second >= 0:
+            # Length 1 - that at zero = c0 + c1 (length 2 - that at zero).
+            slope = float(model.eq_data[k][1])
+            constant -= slope * float(model.tendon_length0[second])
+            more = self._terms(second)
+            terms = _difference(terms, more, slope) if not model.eq_data[k][2:5].any() else None
+        if terms is None:
             raise self._error(
                 k,
-                "of tendons, only a straight one between two sites (a rod) and a sum of one or two joints (a gear) "
-                "can be kept, without a second tendon; remove it, or write <connect>, <weld> or <joint>",
+                "of tendons, only a straight one between two sites (a rod) and sums of joints (gears) can be kept, two "
+                "of them in proportion; remove it, or write <connect>, <weld> or <joint>",
             )
+        self._sum(k, terms, constant)
 
-    def _sum(self, k: int, terms: list[tuple[int, float]], constant: float) -> None:
-        """Couple two joints by c1 q1 + c2 q2 = constant."""
-        terms = [(joint, factor) for joint, factor in terms if factor != 0]
+    def _terms(self, tendon: int) -> dict[int, float] | None:
+        """Factor of each joint in the length of a tendon that is a sum of joints; None for another."""
+        model = self.model
+        start, factors = int(model.tendon_adr[tendon]), {}
+        for part in range(start, start + int(model.tendon_num[tendon])):
+            if int(model.wrap_type[part]) != int(self.wraps.mjWRAP_JOINT):
+                return None
+            joint = int(model.wrap_objid[part])
+            factors[joint] = factors.get(joint, 0.0) + float(model.wrap_prm[part])
+        return factors
+
+    def _sum(self, k: int, factors: dict[int, float], constant: float) -> None:
+        """Couple joints by c1 q1 + c2 q2 + ... = constant."""
+        terms = [(self.tree.joint_names[joint], factor) for joint, factor in factors.items() if factor != 0]
         if not terms:
             raise self._error(k, "the tendon has no joint with a coefficient; remove it")
         (joint1, factor1), *others = terms
-        names = self.tree.joint_names
         if not others:
-            self._couple(k, names[joint1], None, np.array([constant / factor1]))
+            self._couple(k, joint1, None, np.array([constant / factor1]))
             return
-        joint2, factor2 = others[0]
-        self._couple(k, names[joint1], names[joint2], np.array([constant, -factor2]) / factor1)
+        (joint2, factor2), *rest = others
+        ratios = tuple((name, -factor / factor1) for name, factor in rest)
+        self._couple(k, joint1, joint2, np.array([constant, -factor2]) / factor1, ratios)
 
-    def _couple(self, k: int, joint1: str, joint2: str | None, coefficients: FloatArray) -> None:
+    def _couple(
+        self,
+        k: int,
+        joint1: str,
+        joint2: str | None,
+        coefficients: FloatArray,
+        others: tuple[tuple[str, float], ...] = (),
+    ) -> None:
         size = int(np.max(np.flatnonzero(coefficients), initial=0)) + 1
         polynomial = tuple(float(value) for value in coefficients[:size])
-        self.couplings.append(Coupling(self.names[k], joint1, joint2, polynomial))
+        self.couplings.append(Coupling(self.names[k], joint1, joint2, polynomial, others))
 
     def _add(
         self,
@@ -221,6 +246,16 @@ class _TieReader:
         return FileFormatError(
             f"<equality> <{self.words[k]}> '{name}': {text}", path=self.source, culprit=name
         )
+
+
+def _difference(
+    terms: dict[int, float] | None, others: dict[int, float] | None, slope: float
+) -> dict[int, float] | None:
+    """Subtract one sum of joints, times a slope, from another, where both are sums."""
+    if terms is None or others is None:
+        return None
+    joints = dict.fromkeys((*terms, *others))
+    return {joint: terms.get(joint, 0.0) - slope * others.get(joint, 0.0) for joint in joints}
 
 
 def _moved(coefficients: FloatArray, origin: float) -> FloatArray:

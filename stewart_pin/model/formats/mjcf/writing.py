@@ -115,6 +115,9 @@ class _EqualityWriter:
                 )
 
     def coupling(self, coupling: Coupling) -> None:
+        if coupling.others:
+            self._sum(coupling)
+            return
         polynomial = np.trim_zeros(np.array(coupling.polynomial), "b")
         if len(polynomial) > _COEFFICIENTS:
             raise UnsupportedError(
@@ -128,6 +131,22 @@ class _EqualityWriter:
             element.set("joint2", coupling.joint2)
         padded = np.pad(polynomial, (0, _COEFFICIENTS - len(polynomial)))
         element.set("polycoef", number_text(padded))
+
+    def _sum(self, coupling: Coupling) -> None:
+        """Write a sum of joints: a tendon whose length keeps its value at zero joint values, but for a constant."""
+        constant, slope, *higher = (*coupling.polynomial, 0.0)
+        if any(higher):
+            raise UnsupportedError(
+                f"coupling '{coupling.name}' follows a sum of joints, one of them by a polynomial; MuJoCo knows only "
+                "ratios there"
+            )
+        name = self._fresh(coupling.name)
+        tendon = etree.SubElement(self.tendons, "fixed", name=f"{name}_sum")
+        ratios = ((str(coupling.joint2), slope), *coupling.others)
+        for joint, factor in ((coupling.joint1, 1.0), *((joint, -ratio) for joint, ratio in ratios)):
+            etree.SubElement(tendon, "joint", joint=joint, coef=number_text([factor]))
+        element = etree.SubElement(self.equality, "tendon", name=name, tendon1=f"{name}_sum")
+        element.set("polycoef", number_text([constant, 0, 0, 0, 0]))
 
     def _fresh(self, name: str) -> str:
         if name in self.names:

@@ -359,7 +359,7 @@ def _agree(joints: list[SdfJoint]) -> bool:
 
 def _used(couplings: list[Coupling], joints: list[SdfJoint]) -> set[str]:
     """Name the joints of the file whose positions couplings use."""
-    used = {name for coupling in couplings for name in (coupling.joint1, coupling.joint2)}
+    used = {name for coupling in couplings for name in coupling.joints}
     return {joint.name for joint in joints if used & {joint.name, f"{joint.name}_1", f"{joint.name}_2"}}
 
 

@@ -116,7 +116,7 @@ def _rows(mechanism: Mechanism) -> dict[str, tuple[Joint, Joint, float]]:
     for joint in mechanism.joints:
         by_parent.setdefault(joint.parent, []).append(joint)
     busy = {link for loop in mechanism.loops for link in (loop.link1, loop.link2)} | {mechanism.platform}
-    used = [name for coupling in mechanism.couplings for name in (coupling.joint1, coupling.joint2)]
+    used = [name for coupling in mechanism.couplings for name in coupling.joints]
     names = {joint.name for joint in mechanism.joints}
     found: dict[str, tuple[Joint, Joint, float]] = {}
     for first in mechanism.joints:
@@ -402,7 +402,9 @@ class _SdfWriter:
     def _coupling(self, coupling: Coupling, written: Mapping[str, tuple[etree._Element, str]]) -> None:
         offset, multiplier, *higher = (*coupling.polynomial, 0.0, 0.0)
         fault = ""
-        if coupling.joint2 is None:
+        if coupling.others:
+            fault = "follows a sum of joints"
+        elif coupling.joint2 is None:
             fault = "holds a joint still: make the joint fixed"
         elif any(higher):
             fault = "is not linear"

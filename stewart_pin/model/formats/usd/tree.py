@@ -78,7 +78,7 @@ class TreeMaker:
         FileFormatError
             If a loop consists of joints that have to keep their coordinates.
         """
-        needed = {name for coupling in couplings for name in (coupling.joint1, coupling.joint2)}
+        needed = {name for coupling in couplings for name in coupling.joints}
         hanging, closing = self._split(needed)
         moving = [path for path in self.bodies if path != self.root]
         # A body may be called as the world is here; it is the ground then, or has another name by now.

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.errors import InputError
+from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
 from stewart_pin.model.description import (
     BALL,
@@ -458,6 +458,11 @@ class _UsdWriter:
         scope = str(self.usd.UsdGeom.Scope.Define(self.stage, self._path(self.root, "couplings")).GetPath())
         followers: set[str] = set()
         for coupling in self.mechanism.couplings:
+            if coupling.others:
+                raise UnsupportedError(
+                    f"coupling '{coupling.name}' follows a sum of joints, which format 'usd' has no word for; write "
+                    "URDF+ or MJCF"
+                )
             prim = self.usd.UsdGeom.Scope.Define(self.stage, self._path(scope, coupling.name)).GetPrim()
             self._own(prim, "coupling", "String", coupling.name)
             self._own(prim, "joint1", "String", coupling.joint1)
