@@ -36,6 +36,10 @@ CONTROL = (
     '<state_interface name="position"/></joint><joint name="follow"><param name="mimic">shoulder</param>'
     '<param name="multiplier">-2</param></joint></ros2_control>'
 )
+WORLD = (
+    '<physics name="first"><gravity>0 0 -1</gravity></physics><state world_name="w"/><plugin name="p" filename="f"/>'
+    '<physics name="second" default="1"><gravity>0 0 -3</gravity></physics>'
+)
 FOLLOWER = (link("s"), joint("follow", "base", "s"))
 SAMPLES: dict[str, tuple[str, str]] = {
     **{kind: (square(text), ".urdf") for kind, text in BALLS.items()},
@@ -122,6 +126,70 @@ def test_an_error_that_comes_later_tells_what_was_not_understood(tmp_path: Path)
     text = robot(*ARM, link("lost"), '<jt name="hold" type="fixed"/>', joint("j2", "lost", "nowhere"))
     with pytest.raises(StewartPinError, match=r"nowhere.*not understood in this file: <jt name='hold'>"):
         stp.load(write(tmp_path, text))
+
+
+def beside(folder: Path, content: bytes, suffix: str = ".yaml") -> stp.ClosedChain:
+    (folder / f"small{suffix}").write_bytes(content)
+    return stp.load(write(folder, five_bar()))
+
+
+@pytest.mark.parametrize("suffix", [".yaml", ".yml", ".YAML", ".Yml"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_a_yaml_beside_is_found_however_it_is_written(tmp_path: Path, suffix: str, encoding: str) -> None:
+    chain = beside(tmp_path, YAML.format(kind="3d").encode(encoding), suffix)
+    assert [loop.name for loop in chain.loops] == ["closedloop1"] and chain.motors == ("mot1", "mot2")
+
+
+def test_a_yaml_beside_with_types_of_joints_alone_counts(tmp_path: Path) -> None:
+    assert beside(tmp_path, b"joint_name: [free1]\njoint_type: [SPHERICAL]\n").nv == 6
+    assert beside(tmp_path, b"controllers: {joint_names: [free1]}\n").nv == 4
+
+
+def test_a_misspelt_key_of_a_yaml_beside_is_named(tmp_path: Path) -> None:
+    wrong = YAML.format(kind="3d").replace("closed_loop", "closed_lop")
+    with pytest.raises(FileFormatError, match="'closed_lop' is not understood; is 'closed_loop' meant"):
+        beside(tmp_path, wrong.encode())
+
+
+def test_paths_of_side_cars_that_are_none_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError):
+        stp.load(write(tmp_path, five_bar()), loops="a\0b.yaml")
+
+
+def test_of_two_closures_at_one_place_none_is_lost_in_silence(tmp_path: Path) -> None:
+    hinge, ball = HINGES["old drake"].replace("pin", "own"), BALLS["isaac"].replace("pin", "own")
+    frames = BALLS["closing frames"]
+    assert "closed already by the revolute loop 'own'" in str(
+        stp.load(write(tmp_path, square(frames, hinge))).report
+    )
+    with pytest.raises(FileFormatError, match="are those of a hinge, and loop 'own' is spherical"):
+        stp.load(write(tmp_path, square(HINGES["closing frames"], ball)))
+    away = BALLS["isaac"].replace('"pin"', '"closing_pin"').replace('xyz="1 0 0"', 'xyz="0.5 0 0"')
+    with pytest.raises(FileFormatError, match="have one name, and close at different places"):
+        stp.load(write(tmp_path, square(frames, away)))
+
+
+def test_two_motors_of_one_name_are_refused(tmp_path: Path) -> None:
+    twice = square(HINGE, transmission("crank_turn"), joint("crank_turn", "base", "rocker")).replace(
+        MOTOR, ""
+    )
+    with pytest.raises(FileFormatError, match="joints are called 'crank_turn'"):
+        stp.load(write(tmp_path, twice))
+
+
+def test_states_and_plugins_of_a_world_are_told(tmp_path: Path) -> None:
+    text = SAMPLES["sdf, a world"][0].replace("<gravity>0 0 -9.8</gravity>", WORLD)
+    chain = stp.load(write(tmp_path, text, "world.sdf"))
+    assert chain.gravity[2] == -3.0
+    assert all(word in str(chain.report) for word in ("<state>", "<plugin> 'p'", "<physics> 'first'"))
+    with pytest.raises(StewartPinError, match="could hold or couple"):
+        stp.load(write(tmp_path, text.replace('name="p"', 'name="gearbox"'), "world.sdf"))
+
+
+def test_params_of_ros2_control_couple(tmp_path: Path) -> None:
+    chain = stp.load(write(tmp_path, SAMPLES["ros2_control"][0]))
+    (coupling,) = chain.couplings
+    assert (coupling.joint1, coupling.joint2, coupling.polynomial) == ("follow", "shoulder", (0.0, -2.0))
 
 
 def test_words_that_are_meant() -> None:

@@ -6,6 +6,7 @@ frames that a file names.
 
 from __future__ import annotations
 
+import codecs
 import importlib
 import os
 import pkgutil
@@ -105,8 +106,8 @@ class Dialect:
         tree; None: there is no such step.
     suffixes
         Endings of the side-car files in which the dialect stands beside a URDF, in small letters.
-    mark
-        Word that a side-car file of the dialect holds, by which one that was not asked for is told from other files.
+    is_side_car
+        Tells from its text a side-car file of the dialect that was not asked for from other files.
     add_side_car
         Adds what a side-car file says to a mechanism; None: the dialect has no side-car files.
     write
@@ -119,7 +120,7 @@ class Dialect:
     words: Mapping[str, Words] = field(default_factory=dict)
     complete: Callable[[Mechanism], Mechanism] | None = None
     suffixes: tuple[str, ...] = ()
-    mark: str = ""
+    is_side_car: Callable[[str], bool] = bool
     add_side_car: Callable[[Mechanism, Path], Mechanism] | None = None
     write: Callable[[Mechanism, Path], tuple[Note, ...]] | None = None
 
@@ -369,13 +370,35 @@ def find_beside(path: Path) -> Path | None:
     Returns
     -------
     pathlib.Path or None
-        The first that exists.
+        The first that exists, whatever the case of its ending, and in UTF-8 or UTF-16.
     """
-    for suffix, dialect in side_car_suffixes().items():
-        beside = path.with_suffix(suffix)
-        if beside.is_file() and dialect.mark.encode() in beside.read_bytes():
-            return beside
+    by_suffix = side_car_suffixes()
+    try:
+        beside = sorted(each for each in path.parent.iterdir() if each.stem == path.stem)
+    except OSError:  # the folder is not to be listed
+        beside = [path.with_suffix(suffix) for suffix in by_suffix]
+    for each in beside:
+        dialect = by_suffix.get(each.suffix.lower())
+        if dialect is not None and each.is_file() and dialect.is_side_car(side_car_text(each.read_bytes())):
+            return each
     return None
+
+
+def side_car_text(content: bytes) -> str:
+    """Decode a file that may hold loops.
+
+    Parameters
+    ----------
+    content
+        The file.
+
+    Returns
+    -------
+    str
+        Its text; what is no UTF-16 with its mark, and no UTF-8, is replaced.
+    """
+    marked = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    return content.decode("utf-16" if marked else "utf-8-sig", errors="replace")
 
 
 def side_car_suffixes() -> dict[str, Dialect]:

@@ -15,6 +15,7 @@ References
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,18 @@ import pinocchio as pin
 
 from stewart_pin.errors import FileFormatError, FileMissingError, MissingExtraError, UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
-from stewart_pin.model.formats.dialect import Dialect, Parts, add_parts, carrier, find_frame, note_lost_limits
+from stewart_pin.model.formats.dialect import (
+    Dialect,
+    Parts,
+    add_parts,
+    carrier,
+    find_frame,
+    note_lost_limits,
+    side_car_text,
+)
 from stewart_pin.model.formats.dialects.mimic import write_mimics
 from stewart_pin.model.formats.urdf_writer import save, tree_element
+from stewart_pin.model.formats.words import meant_word
 from stewart_pin.model.roles import mark_motors
 from stewart_pin.model.unfolding import unfold_universal
 
@@ -68,7 +78,9 @@ class _SideCar:
     def added(self) -> Mechanism:
         for key in self.lists:
             if key not in _KEYS:
-                raise self.error(f"the key '{key}' is not understood; known: {', '.join(_KEYS)}", key)
+                meant = meant_word(key, _KEYS)
+                remedy = f"is '{meant}' meant?" if meant else f"known: {', '.join(_KEYS)}"
+                raise self.error(f"the key '{key}' is not understood; {remedy}", key)
         loops = self._loops()
         upgrades = self._pairs("joint_name", "joint_type")
         mechanism = self.mechanism
@@ -247,8 +259,23 @@ def _with_frame(mechanism: Mechanism, name: str, link: str, placement: pin.SE3) 
     return replace(mechanism, links=(*mechanism.links, Link(name)), joints=(*mechanism.joints, joint))
 
 
+def _is_side_car(text: str) -> bool:
+    """Tell a YAML of loops, motors or types of joints from others; a misspelt key is to be named, not passed over."""
+    keys = re.findall(r"^[\"']?([\w-]+)[\"']?\s*:", text, re.MULTILINE)
+    return (
+        "closed_loop" in text
+        or any(meant_word(key, ("closed_loop", "name_mot")) for key in keys)
+        or {"joint_name", "joint_type"} <= set(keys)
+    )
+
+
 DIALECT = Dialect(
-    "gepetto", _TITLE, suffixes=(".yaml", ".yml"), mark="closed_loop", add_side_car=_add, write=write_gepetto
+    "gepetto",
+    _TITLE,
+    suffixes=(".yaml", ".yml"),
+    is_side_car=_is_side_car,
+    add_side_car=_add,
+    write=write_gepetto,
 )
 
 
@@ -290,10 +317,11 @@ def read_lists(path: Path) -> dict[str, list[str | Names]]:
     except ImportError:
         raise MissingExtraError("pyyaml", "yaml") from None
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        content = path.read_bytes()
+        text = side_car_text(content) if content[:1] in (b"\xff", b"\xfe") else content.decode("utf-8-sig")
     except (FileNotFoundError, NotADirectoryError):
         raise FileMissingError("no such file", path=str(path)) from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         raise FileFormatError(f"the file cannot be read as UTF-8 text: {error}", path=str(path)) from None
     try:
         depth = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -68,13 +69,33 @@ def _closed(mechanism: Mechanism, stem: str, pair: dict[str, str], *, hinge: boo
     for loop in mechanism.loops:
         ends = [(loop.link1, loop.placement1), (loop.link2, loop.placement2)]
         wanted = [(link1, place1), (link2, place2)]
-        if loop.name == stem or _same(ends, wanted) or _same(ends[::-1], wanted):
-            return mechanism
+        if _same(ends, wanted) or _same(ends[::-1], wanted):
+            return _closed_already(mechanism, stem, loop, hinge=hinge)
+        if loop.name == stem:
+            raise FileFormatError(
+                f"loop '{stem}' and the frames '{pair['1']}' and '{pair['2']}' have one name, and close at different "
+                "places; rename one",
+                path=mechanism.source,
+                culprit=stem,
+            )
     kind = JointKind.REVOLUTE if hinge else JointKind.SPHERICAL
     parts = Parts(loops=(Loop(stem, kind, link1, link2, place1, place2),))
     if not hinge:
         parts = Parts(loops=parts.loops, notes=(Note(f"loop '{stem}'", _ASSUMED, Outcome.CHANGED),))
     return add_parts(mechanism, parts, _TITLE)
+
+
+def _closed_already(mechanism: Mechanism, stem: str, loop: Loop, *, hinge: bool) -> Mechanism:
+    """Keep the loop that closes where a pair of frames does, unless the frames say that it is more."""
+    if hinge and loop.kind not in (JointKind.REVOLUTE, JointKind.FIXED):
+        raise FileFormatError(
+            f"the frames of '{stem}' are those of a hinge, and loop '{loop.name}' is {loop.kind} at the same place; "
+            "remove one of the two",
+            path=mechanism.source,
+            culprit=stem,
+        )
+    note = Note(f"frames '{stem}'", f"closed already by the {loop.kind} loop '{loop.name}'")
+    return replace(mechanism, notes=(*mechanism.notes, note))
 
 
 def _same(ends: list[tuple[str, pin.SE3]], wanted: list[tuple[str, pin.SE3]]) -> bool:
