@@ -9,9 +9,10 @@ from lxml import etree
 
 import stewart_pin as stp
 from stewart_pin.errors import FileFormatError, StewartPinError
+from stewart_pin.model.formats.dialect import claimed_tags
 from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.formats.words import meant_word
-from tests.model import sdf_reading, test_sdf_fuzz
+from tests.model import sdf_reading, test_sdf_fuzz, words_page
 from tests.model.silent_losses import Reader, silent_losses
 from tests.model.small_dialects import (
     BALLS,
@@ -209,3 +210,14 @@ def test_words_of_other_programs_are_told_as_they_stand_in_the_file(tmp_path: Pa
     notes = [note.text for note in read_mechanism(write(tmp_path, text)).notes]
     assert "attribute 'drake:acceleration' of <limit>: unknown" in notes
     assert not [note for note in notes if "capsule" in note or "the text in" in note]
+
+
+def test_the_page_of_words_is_that_of_the_readers() -> None:
+    assert words_page.PAGE.read_text(encoding="utf-8") == words_page.page(), (
+        "write it anew: python -m tests.model.words_page"
+    )
+
+
+def test_every_tag_that_a_dialect_claims_has_its_words() -> None:
+    unknown = [tag for tag in claimed_tags() if f"`<{tag.partition('/')[2]}>`" not in words_page.page()]
+    assert unknown == []
