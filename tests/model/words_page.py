@@ -1,4 +1,4 @@
-"""The page WORDS.md: words that the readers know, from their own tables; ``python -m tests.model.words_page`` writes it."""
+"""The page WORDS.md: words that the readers know; ``python -m tests.model.words_page`` writes it from their tables."""
 
 from __future__ import annotations
 
