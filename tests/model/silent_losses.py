@@ -296,6 +296,8 @@ def is_harmless(mutant: Mutant) -> bool:
         return True
     if re.fullmatch(r"robot/(gazebo/joint|transmission/joint|ros2_control/joint)(@name)?", mutant.place):
         return False
+    if mutant.kind == "move" and mutant.place == "robot/joint/axis":
+        return True  # the default of a hinge, put into a ball, which has none
     if mutant.kind == "rename":
         return bool(re.search(r"world(/model|@name)|ros2_control/|rotor_inertia", mutant.place))
     return any(re.search(f"({place})$", mutant.place) for place in HARMLESS)

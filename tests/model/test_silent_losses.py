@@ -90,14 +90,14 @@ def test_a_sample_of_mutants_of_every_dialect(tmp_path: Path) -> None:
 def test_all_mutants(tmp_path: Path, name: str) -> None:
     text, suffix = SAMPLES[name]
     tried, bad = silent_losses(text, read_by(tmp_path, name, suffix), every=4)
-    assert dict(bad) == {} and tried > 50
+    assert dict(bad) == {} and tried > 20
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", stp.robots())
 def test_many_mutants_of_bundled_robots(tmp_path: Path, name: str) -> None:
     tried, bad = silent_losses(bundled(name).read_text(encoding="utf-8"), Reader(tmp_path), every=97)
-    assert dict(bad) == {} and tried > 10
+    assert dict(bad) == {} and tried > 5
 
 
 def test_the_judge_sees_a_loss(tmp_path: Path) -> None:
