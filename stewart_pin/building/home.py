@@ -256,6 +256,7 @@ def _groups(chain: ClosedChain) -> list[tuple[BoolArray, BoolArray]]:
     coupling = chain.loop_table.coupling
     for k, row in enumerate(coupling.index):
         touched[row, [entry for entry in (coupling.v1[k], coupling.v2[k]) if entry >= 0]] = True
+        touched[row] |= coupling.ratios_v[k] != 0
     # Entries of one joint move together.
     for joint in chain.model.joints[1:]:
         own = slice(joint.idx_v, joint.idx_v + joint.nv)

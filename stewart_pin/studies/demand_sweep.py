@@ -448,7 +448,7 @@ def _digest(chain: ClosedChain) -> str:
         )
         for loop in chain.loops
     ]
-    couplings = [(one.joint1, one.joint2, one.polynomial) for one in chain.couplings]
+    couplings = [(one.joint1, one.joint2, one.polynomial, one.others) for one in chain.couplings]
     roles = (chain.motors, chain.platform, chain.q_home.tolist())
     # The text of the model knows only the limits of joints with one freedom, and of these not all kinds.
     limits = [chain.limits.names, *(chain.limits.of(kind).tolist() for kind in KINDS)]

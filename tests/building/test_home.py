@@ -11,6 +11,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import MechanismError
+from stewart_pin.state.limits import AT_LIMIT
 from tests.closed_states import NAMES
 from tests.small_urdf import (
     ARM,
@@ -159,3 +160,23 @@ def test_a_tree_starts_within_its_limits(tmp_path: Path) -> None:
     home_of = dict(zip(chain.model.names[1:], chain.q_home, strict=True))
     # Neutral where the limits allow, else at the limit that is nearest to it.
     assert [home_of[name] for name in "abcd"] == [1.0, 0.5, -0.5, 0.0]
+
+
+def test_all_joints_of_a_sum_are_moved_into_their_limits(tmp_path: Path) -> None:
+    """The sum and its first part have to leave zero, which is not enough without the other part."""
+    span = {"sum": (0.8, 1.2), "first": (0.1, 0.3), "second": (-1.0, 1.0)}
+    joints = [
+        joint(name, "base", name, content=f'<limit lower="{low}" upper="{high}" effort="1" velocity="1"/>')
+        for name, (low, high) in span.items()
+    ]
+    gear = (
+        '<coupling name="differential" type="polynomial"><follower joint="sum"/><leader joint="first"/>'
+        '<polynomial value="0 1"/><also joint="second" ratio="1"/></coupling>'
+    )
+    text = robot(link("base"), *(link(name) for name in span), *joints, gear)
+    chain = stp.load(write(tmp_path, text))
+    places = chain.q_home[[chain.model.joints[chain.model.getJointId(name)].idx_q for name in span]]
+    np.testing.assert_allclose(places[0], places[1] + places[2], atol=1e-12)
+    # A home may stand at a limit, as closely as limits are judged.
+    low, high = np.array([*span.values()]).T
+    assert (places >= low - AT_LIMIT).all() and (places <= high + AT_LIMIT).all()

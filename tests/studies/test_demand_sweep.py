@@ -21,6 +21,7 @@ from stewart_pin.motion import motor_demand as motor_demand_module
 from stewart_pin.studies import demand_sweep
 from stewart_pin.studies.answers import Carried
 from stewart_pin.studies.demand_sweep import _digest
+from tests.mechanisms import gear_train
 from tests.studies import functions
 from tests.studies.motions import PHASE, design, robot, shake, shake_stewart
 from tests.studies.test_sweep import same
@@ -411,6 +412,15 @@ def test_the_digest_sees_the_loops_too() -> None:
     moved = replace(first, placement1=first.placement1 * pin.SE3(np.eye(3), np.array([1e-9, 0.0, 0.0])))
     other = replace(chain, mechanism=replace(chain.mechanism, loops=(moved, *others)))
     assert _digest(other) != _digest(chain) == _digest(stp.load("stewart"))
+
+
+def test_the_digest_sees_every_ratio_of_a_sum(rng: np.random.Generator) -> None:
+    chain = gear_train(rng, differential=True)
+    last = chain.couplings[-1]
+    (name, ratio), *rest = last.others
+    moved = replace(last, others=((name, ratio + 1e-9), *rest))
+    parts = replace(chain.mechanism, couplings=(*chain.couplings[:-1], moved))
+    assert _digest(replace(chain, mechanism=parts)) != _digest(chain)
 
 
 def test_the_digest_sees_every_limit() -> None:
