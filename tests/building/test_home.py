@@ -11,7 +11,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import MechanismError
-from stewart_pin.state.limits import AT_LIMIT
+from stewart_pin.tolerances import HOME_IN_FILE
 from tests.closed_states import NAMES
 from tests.small_urdf import (
     ARM,
@@ -177,6 +177,6 @@ def test_all_joints_of_a_sum_are_moved_into_their_limits(tmp_path: Path) -> None
     chain = stp.load(write(tmp_path, text))
     places = chain.q_home[[chain.model.joints[chain.model.getJointId(name)].idx_q for name in span]]
     np.testing.assert_allclose(places[0], places[1] + places[2], atol=1e-12)
-    # A home may stand at a limit, as closely as limits are judged.
+    # A home may stand at a limit, as closely as one in a file is taken.
     low, high = np.array([*span.values()]).T
-    assert (places >= low - AT_LIMIT).all() and (places <= high + AT_LIMIT).all()
+    assert (places >= low - HOME_IN_FILE).all() and (places <= high + HOME_IN_FILE).all()
