@@ -187,6 +187,12 @@ def test_states_and_plugins_of_a_world_are_told(tmp_path: Path) -> None:
         stp.load(write(tmp_path, text.replace('name="p"', 'name="gearbox"'), "world.sdf"))
 
 
+def test_a_misspelt_follower_of_a_plugin_is_refused(tmp_path: Path) -> None:
+    text = SAMPLES["plugin"][0].replace("mimicJoint>", "mimcJoint>")
+    with pytest.raises(FileFormatError, match="<mimcJoint> of a <plugin> .line 1. .*is <mimicJoint> meant"):
+        stp.load(write(tmp_path, text))
+
+
 def test_params_of_ros2_control_couple(tmp_path: Path) -> None:
     chain = stp.load(write(tmp_path, SAMPLES["ros2_control"][0]))
     (coupling,) = chain.couplings

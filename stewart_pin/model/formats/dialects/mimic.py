@@ -18,7 +18,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Coupling, JointKind, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import Dialect, Parts
 from stewart_pin.model.formats.urdf_elements import UrdfElements
-from stewart_pin.model.formats.words import Words, check_words
+from stewart_pin.model.formats.words import Words, check_words, meant_word
 from stewart_pin.model.formats.xml import number_text
 
 
@@ -164,6 +164,10 @@ def take_mimic_plugins(reader: UrdfElements, gazebo: etree._Element) -> list[Cou
     list of Coupling
         One per plugin whose follower has no ``<mimic>``.
     """
+    for child in gazebo.iterfind("plugin/*"):
+        if child.tag != "mimicJoint" and meant_word(str(child.tag), ("mimicJoint",)):
+            text = f"<{child.tag}> of a <plugin> (line {child.sourceline}) is not understood; is <mimicJoint> meant?"
+            raise reader.error(text, f"<{child.tag}>")
     found = [plugin for plugin in gazebo.findall("plugin") if plugin.find("mimicJoint") is not None]
     for plugin in found:
         gazebo.remove(plugin)
