@@ -166,7 +166,8 @@ def take_mimic_plugins(reader: UrdfElements, gazebo: etree._Element) -> list[Cou
     """
     for child in gazebo.iterfind("plugin/*"):
         if child.tag != "mimicJoint" and meant_word(str(child.tag), ("mimicJoint",)):
-            text = f"<{child.tag}> of a <plugin> (line {child.sourceline}) is not understood; is <mimicJoint> meant?"
+            what = f"<{child.tag}> of a <plugin> (line {child.sourceline})"
+            text = f"{what} is not understood; is <mimicJoint> meant?"
             raise reader.error(text, f"<{child.tag}>")
     found = [plugin for plugin in gazebo.findall("plugin") if plugin.find("mimicJoint") is not None]
     for plugin in found:
