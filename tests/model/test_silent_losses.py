@@ -189,7 +189,7 @@ def test_states_and_plugins_of_a_world_are_told(tmp_path: Path) -> None:
 
 def test_a_misspelt_follower_of_a_plugin_is_refused(tmp_path: Path) -> None:
     text = SAMPLES["plugin"][0].replace("mimicJoint>", "mimcJoint>")
-    with pytest.raises(FileFormatError, match="<mimcJoint> of a <plugin> .line 1. .*is <mimicJoint> meant"):
+    with pytest.raises(FileFormatError, match=r"<mimcJoint> of a <plugin> .line 1. .*is <mimicJoint> meant"):
         stp.load(write(tmp_path, text))
 
 
