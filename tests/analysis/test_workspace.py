@@ -255,7 +255,7 @@ def test_a_planar_platform_has_one_layer_of_cells() -> None:
     [
         ("delta", {"stroke": (0.1, 0.2)}, "stroke and sheet are for six legs"),
         ("delta", {"start": (0, 0, 9)}, "cannot be met"),
-        ("delta", {"spacing": 1e-4}, "more than 200000 cells"),
+        pytest.param("delta", {"spacing": 1e-4}, "more than 200000 cells", marks=pytest.mark.slow),
         ("five_bar", {}, "does not shift along an axis of the world without turning"),
         ("stewart", {"start": (0, 0, 1)}, "start is for platforms on anything but six legs"),
     ],
@@ -293,6 +293,7 @@ def test_an_arm_keeps_its_elbow() -> None:
     assert len(found.position) > 100 and np.count_nonzero(signs) == 1
 
 
+@pytest.mark.slow
 def test_clearances_of_slides_are_lengths(tmp_path: Path) -> None:
     """A gantry whose ranges make its size exactly one metre: a slide's coordinate is no angle."""
     text, parent = '<robot name="gantry"><link name="base"/>', "base"

@@ -28,6 +28,7 @@ def turned_delta(rng: np.random.Generator) -> np.ndarray:
     raise AssertionError("a Delta has such states")
 
 
+@pytest.mark.slow
 def test_trees_are_solved_by_what_is_there(rng: np.random.Generator) -> None:
     """What vanishes around home is not taken for zero where it does not vanish."""
     chain = robot("delta")

@@ -120,7 +120,7 @@ def agree(call: Call, target: Target) -> None:
 
 @each_system
 @each_type
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ["stewart", pytest.param("hexapod_rss", marks=pytest.mark.slow)])
 def test_main_verbs(
     name: str, dtype: type, target: Target, calls: list[Call], rng: np.random.Generator
 ) -> None:

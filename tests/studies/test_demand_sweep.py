@@ -268,6 +268,7 @@ def test_motions_may_differ_in_length() -> None:
         np.testing.assert_allclose(found["peak_rate"][k], np.abs(demand.rates).max(axis=0), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_designs_are_points_as_well() -> None:
     axes = {"amplitude": [0.02, 0.1], "radius": [0.4, 0.6, 0.8], "half_angle": [0.2, np.pi / 3 - 0.3]}
     found = stp.sweep_demand(design, functools.partial(shake, frequency=5.0), axes, kernels=True)
@@ -423,6 +424,7 @@ def test_the_digest_sees_every_ratio_of_a_sum(rng: np.random.Generator) -> None:
     assert _digest(replace(chain, mechanism=parts)) != _digest(chain)
 
 
+@pytest.mark.slow
 def test_the_digest_sees_every_limit() -> None:
     # Balls of the tree (swing and angle), joints that close loops, motors and passive joints, at both ends.
     chains = [

@@ -131,7 +131,7 @@ class TreeMaker:
             assembled=posed,
         )
 
-    def _split(self, needed: set[str | None]) -> tuple[list[Edge], list[Edge]]:
+    def _split(self, needed: set[str]) -> tuple[list[Edge], list[Edge]]:
         """Choose a spanning tree: motors and followers first, then what the file keeps in articulations."""
         group = {path: path for path in (GROUND, *self.bodies)}
 
