@@ -308,6 +308,13 @@ def test_broken_files(tmp_path: Path) -> None:
         loaded(tmp_path, joint("a", ""))
 
 
+def test_a_coupling_without_coefficients(tmp_path: Path) -> None:
+    own = 'custom string stewart_pin:coupling = "gear"\n custom string stewart_pin:joint1 = "foot"'
+    parts = [part.replace("{", "{ " + own, 1) if part is LOOP else part for part in (*BARS, *HINGES, LOOP)]
+    with pytest.raises(FileFormatError, match="coupling without stewart_pin:polynomial"):
+        stp.load(write(tmp_path, stage(*parts)))
+
+
 def test_missing_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(tmp_path, stage(*BARS, *HINGES, LOOP))
     monkeypatch.setitem(sys.modules, "pxr", None)

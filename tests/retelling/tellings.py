@@ -39,7 +39,8 @@ def _save(
 ) -> Path:
     """Write a chain in a format, its numbers with so many digits."""
     path = folder / (f"{chain.name}.xml" if format == "mjcf" else f"{chain.name}.urdf")
-    stp.export(chain, path, format=format)
+    # Drawn shapes are no part of what is told, and their digits would be rounded with the others.
+    stp.export(chain, path, format=format, simple_shapes=False)
     if digits is not None:
         number = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
         text = re.sub(

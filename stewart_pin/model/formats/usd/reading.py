@@ -213,6 +213,11 @@ def _couplings(stage: Stage, edges: Sequence[Edge]) -> list[Coupling]:
         if name is not None:
             joint2 = stage.own(prim, "joint2")
             polynomial = tuple(float(number) for number in stage.own(prim, "polynomial", ()))
+            if not polynomial:
+                raise stage.error(
+                    str(prim.GetPath()),
+                    f"is a coupling without {OWN}polynomial; give its coefficients, constant first",
+                )
             coupling = Coupling(name, stage.own(prim, "joint1", ""), joint2, polynomial)
             found.append(coupling)
             told.setdefault(coupling.joint1, coupling)
