@@ -160,6 +160,8 @@ def _with_axis(reader: UrdfElements, element: etree._Element, joint: Joint) -> J
     owner = f"joint '{joint.name}'"
     if joint.kind is JointKind.FLOATING and element.find("limit") is not None:
         reader.note(owner, "<limit>: which freedom of a floating joint it limits is not said")
+    if joint.kind in (JointKind.FLOATING, JointKind.SPHERICAL) and element.find("axis") is not None:
+        reader.note(owner, f"<axis>: a {joint.kind} joint has none")
     if joint.kind is JointKind.SPHERICAL:
         return replace(joint, **_cones(reader, element, owner))
     if not joint.has_axis:
