@@ -71,8 +71,11 @@ def changed_value(text: str) -> list[str]:
     """Tell something else of the same kind: other numbers, the other flag, another name."""
     if _NUMBERS.fullmatch(text):
         numbers = [float(word) if abs(float(word)) < 1e16 else 1.0 for word in text.split()]
+        # Along an axis of the frame, a longer vector is the same direction: turned about, it is another one.
+        alone = len(numbers) == 3 and np.count_nonzero(numbers) == 1
+        others = [-number if alone and number else number + 0.25 for number in numbers]
         return [
-            " ".join(repr(number + (0.25 if k == at else 0.0)) for k, number in enumerate(numbers))
+            " ".join(repr(others[k] if k == at else number) for k, number in enumerate(numbers))
             for at in range(len(numbers))
         ]
     flags = {"true": "false", "false": "true", "True": "false", "False": "true"}
@@ -280,10 +283,11 @@ HARMLESS = {
     r"group_state@group": "all joints are read, whatever the group",
     r"plugin@(name|filename)": "what a plugin does is told by its tags",
     r"(transmission|actuator|ros2_control|command_interface|state_interface)@(name|type)": "what it is called",
-    r"axis2?(/xyz#|@xyz)|pose#": "a direction or a quaternion may be of any length",
+    r"pose#": "a quaternion may be of any length",
     r"robot/(gazebo|transmission|ros2_control)/.*|.*drake:rotor_inertia.*|.*drake:damping#": "told as a whole",
     r"world/(model|frame).*": "another model, told as a whole; a frame that nobody names",
-    r"mujoco/.*": "MuJoCo's compiler refuses what is misspelt, and knows what counts",
+    r"mujoco(/.*(site|light|sensor)(/gyro)?|/worldbody/geom|/actuator/position@kp)(@\w+)?": "told as a whole",
+    r"mujoco(@model|/actuator/motor@name|/compiler)": "what it is called; the same once more",
 }
 """What may change nothing, and why: places as `re.search` finds them, of mutants whose loss is no loss."""
 _NO_AXIS = ("fixed", "ball", "spherical", "floating")

@@ -13,6 +13,14 @@ ARM = f'<body name="arm"><joint name="motor" axis="0 1 0"/>{BALL}%s</body>'
 """A body on a hinge; %s stands for what hangs on it."""
 DRIVEN = '<actuator><motor name="drive" joint="motor"/></actuator>'
 
+TIES = (
+    '<connect name="c" body1="coupler" body2="platform" anchor="0.1 0.2 0.3"/>'
+    '<weld name="off" site1="sole" site2="tool" active="false"/>'
+    '<joint name="g" joint1="knee" joint2="hip" polycoef="0.1 0.7 -0.2 0.3 0.15"/>'
+    '<tendon name="s" tendon1="sum"/>'
+)
+"""Closures of `WORKSHOP`: a ball, one that is off, a gear, a sum by a tendon."""
+
 
 def mjcf(world: str, *rest: str, angle: str = "radian") -> str:
     """Wrap a world and further sections into a file."""

@@ -10,17 +10,10 @@ from lxml import etree
 
 import stewart_pin as stp
 from tests.model.mutations import assert_loads_or_says_why, damaged, quick
-from tests.model.small_mjcf import QPOS, WORKSHOP
+from tests.model.small_mjcf import QPOS, TIES, WORKSHOP
 
 hypothesis = pytest.importorskip("hypothesis")
 pytest.importorskip("mujoco")
-
-TIES = (
-    '<connect name="c" body1="coupler" body2="platform" anchor="0.1 0.2 0.3"/>'
-    '<weld name="off" site1="sole" site2="tool" active="false"/>'
-    '<joint name="g" joint1="knee" joint2="hip" polycoef="0.1 0.7 -0.2 0.3 0.15"/>'
-    '<tendon name="s" tendon1="sum"/>'
-)
 
 
 @cache

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -65,6 +66,7 @@ SAMPLES: dict[str, tuple[str, str]] = {
     **{f"sdf, {kind}": (text, ".sdf") for kind, text in TREES.items()},
     **{f"sdf, {kind}": (sdf_reading.four_bar(text)[0], ".sdf") for kind, (text, _) in sdf_reading.CLOSINGS.items()},
     "sdf, gears": (etree.tostring(test_sdf_fuzz.BAR, encoding="unicode"), ".sdf"),
+    **({"mjcf": (small_mjcf.WORKSHOP % (small_mjcf.TIES, small_mjcf.QPOS), ".xml")} if find_spec("mujoco") else {}),
     "sdf, a world": (etree.tostring(test_sdf_fuzz.WORLD, encoding="unicode"), ".sdf"),
 }  # fmt: skip
 """A small file of every dialect, and its suffix."""

@@ -117,6 +117,14 @@ def _of_actuators(model: Any) -> Iterable[Note]:
 def _of_the_world(model: Any) -> Iterable[Note]:
     if np.any(np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)):
         yield Note("<geom>", "shapes give bodies their inertia where the file says so; there are no contacts")
+    if model.nsite:
+        yield Note(
+            "<site>",
+            "a site counts where a loop or a tendon of the mechanism names it; the others are left out",
+        )
+    for tag, number in (("<sensor>", model.nsensor), ("<light>", model.nlight), ("<camera>", model.ncam)):
+        if number:
+            yield Note(tag, f"{number} of them: left out, as they move nothing")
     medium = (model.opt.density, model.opt.viscosity)
     if np.any(medium):
         wind = f", wind {_shown(model.opt.wind)}" if np.any(model.opt.wind) else ""
