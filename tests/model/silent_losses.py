@@ -290,8 +290,8 @@ HARMLESS = {
     r"mujoco(@model|/actuator/motor@name|/compiler)": "what it is called; the same once more",
 }
 """What may change nothing, and why: places as `re.search` finds them, of mutants whose loss is no loss."""
-_NO_AXIS = ("fixed", "ball", "spherical", "floating")
-"""Types of joints whose axis, written by exporters, says nothing."""
+_NO_AXIS = ("fixed",)
+"""Types of joints into which exporters write an axis that says nothing."""
 
 
 def is_harmless(mutant: Mutant) -> bool:
@@ -300,8 +300,6 @@ def is_harmless(mutant: Mutant) -> bool:
         return True
     if re.fullmatch(r"robot/(gazebo/joint|transmission/joint|ros2_control/joint)(@name)?", mutant.place):
         return False
-    if mutant.kind == "move" and mutant.place == "robot/joint/axis":
-        return True  # the default of a hinge, put into a ball, which has none
     if mutant.kind == "rename":
         return bool(re.search(r"world(/model|@name)|ros2_control/|rotor_inertia", mutant.place))
     return any(re.search(f"({place})$", mutant.place) for place in HARMLESS)

@@ -13,7 +13,7 @@ from stewart_pin.errors import FileFormatError, StewartPinError
 from stewart_pin.model.formats.dialect import claimed_tags
 from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.formats.words import meant_word
-from tests.model import sdf_reading, test_sdf_fuzz, words_page
+from tests.model import sdf_reading, small_mjcf, test_sdf_fuzz, words_page
 from tests.model.silent_losses import Reader, silent_losses
 from tests.model.small_dialects import (
     BALLS,
