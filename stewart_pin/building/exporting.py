@@ -114,7 +114,7 @@ def export(
     if format not in writers:
         raise InputError(f"format must be one of {', '.join(sorted(writers))}, got {format!r}")
     require_no_rotors(chain, "the file")
-    if not isinstance(path, str | os.PathLike) or not Path(path).name:
+    if not isinstance(path, str | os.PathLike) or not Path(path).name or "\0" in os.fspath(path):
         raise InputError(f"path must name a file, got {path!r}")
     if Path(path).suffix.lower() in side_car_suffixes():
         raise InputError(

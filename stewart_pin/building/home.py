@@ -246,6 +246,11 @@ def _fault(chain: ClosedChain, guess: Configuration, closure: Closure, given: Bo
         if "axes against each other" in closure.reason:
             loop = closure.reason.split("'")[1]
             return f"the frames of loop '{loop}' point against each other; turn one by half a turn"
+        if not chain.loops:
+            return (
+                f"the couplings do not close together, off by {closure.gap:.3g} m or rad at least: "
+                + ", ".join(f"'{coupling.name}'" for coupling in chain.couplings)
+            )
         return f"the loops do not close, the smallest gap found is {closure.gap:.3g} m"
     return _moved(chain, guess, closure.q, given) or _beyond_limits(chain, closure.q)
 
@@ -413,7 +418,8 @@ def _no_home(chain: ClosedChain, guess: Configuration, given: BoolArray, fault: 
         else:
             fault = _fault(chain, guess, smallest, given) or fault
     return MechanismError(
-        f"no home configuration: {fault}; correct the origins of the loops, or the home (<group_state name='home'> or "
+        f"no home configuration: {fault}; correct {'the origins of the loops' if chain.loops else 'their numbers'}, or "
+        "the home (<group_state name='home'> or "
         "keyframe of the file)",
         path=chain.mechanism.source,
         culprit="home",

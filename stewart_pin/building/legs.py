@@ -21,7 +21,7 @@ from stewart_pin.geometry.rotary import RotaryLegs, crank_angles, crank_vectors
 from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import as_pose
-from stewart_pin.tolerances import PRINTED
+from stewart_pin.tolerances import AT_LIMIT, PRINTED
 from stewart_pin.typing import ArrayLike, FloatArray
 
 
@@ -470,10 +470,12 @@ def _rotary_parts(
     bodies: tuple[pin.Inertia, pin.Inertia],
 ) -> _Parts:
     """Cranks, rods and the balls between them, closed at a pose of the platform."""
-    bounded = None if np.isinf(limits).all() else np.asarray(limits, dtype=float)
+    # A crank may stand at a limit, where round-off decides whether it is within.
+    bounded = None if np.isinf(limits).all() else np.asarray(limits, dtype=float) + (-AT_LIMIT, AT_LIMIT)
     found = crank_angles(legs, pose.translation, pose.rotation, limits=bounded)
     off = np.where(found.within, np.abs(found.angle - middle[:, None]), inf)
     angles = np.take_along_axis(found.angle, np.argmin(off, axis=1)[:, None], axis=1)[:, 0]
+    angles = np.clip(angles, *limits)
     tips = legs.base_points + crank_vectors(legs, angles)[0]
     links: list[Link] = []
     joints: list[Joint] = []

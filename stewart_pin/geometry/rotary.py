@@ -177,8 +177,12 @@ def crank_angles(
     angle = np.stack([towards - opening, towards + opening], axis=-1)
     low, high = _limits(limits, len(legs.cranks))
     bounded = np.isfinite(low) & np.isfinite(high)
-    middle = (np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0)) / 2
+    # Of limits with one end, the middle is where they allow least a turn; beyond the end, the next turn is within.
+    ends = np.where(bounded, low, 0.0) + np.where(bounded, high, 0.0)
+    middle = np.where(bounded, ends / 2, np.clip(0.0, low, high))
     angle = angle - 2 * np.pi * np.ceil((angle - middle) / (2 * np.pi) - 0.5)
+    turns = np.where(~bounded & (angle < low), 1, np.where(~bounded & (angle > high), -1, 0))
+    angle = angle + 2 * np.pi * turns
     within = (shortage[..., None] == 0) & (angle >= low) & (angle <= high)
     found = CrankAngles(angle, within, shortage)
     anywhere = (shortage == 0) & (in_plane <= _SINGULAR * legs.cranks)

@@ -95,9 +95,9 @@ def _counts_turns(chain: ClosedChain) -> Coupling | None:
             continue
         kinds = [chain.mechanism.joint(name).kind for name in coupling.joints]
         ratio = np.trim_zeros(coupling.polynomial[1:], "b")
-        ratios = [*ratio[:1], *(other for _, other in coupling.others)]
-        one_to_one = len(ratio) == 1 and {abs(one) for one in ratios} == {1.0} and len(set(kinds)) == 1
-        if len(ratios) and JointKind.REVOLUTE in kinds and not one_to_one:
+        # A turn of a sum is only a part of a turn of each of its parts.
+        one_to_one = not coupling.others and [*map(abs, ratio)] == [1.0] and len(set(kinds)) == 1
+        if (len(ratio) or coupling.others) and JointKind.REVOLUTE in kinds and not one_to_one:
             return coupling
     return None
 

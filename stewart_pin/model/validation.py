@@ -158,9 +158,10 @@ class _Validator:
                 value = getattr(joint, what)
                 if isinstance(value, tuple):
                     self._span(f"joint '{joint.name}'", joint.name, what, value)
-                elif not value >= 0:
+                elif not isinstance(value, int | float | np.number) or not value >= 0:
+                    shown = f"{value:g}" if isinstance(value, int | float | np.number) else repr(value)
                     raise self._error(
-                        joint.name, f"joint '{joint.name}' has the {what} limit {value:g}; it is >= 0"
+                        joint.name, f"joint '{joint.name}' has the {what} limit {shown}; it is a number >= 0"
                     )
             if joint.independent and not joint.has_axis:
                 raise self._error(

@@ -180,3 +180,16 @@ def test_all_joints_of_a_sum_are_moved_into_their_limits(tmp_path: Path) -> None
     # A home may stand at a limit, as closely as one in a file is taken.
     low, high = np.array([*span.values()]).T
     assert (places >= low - HOME_IN_FILE).all() and (places <= high + HOME_IN_FILE).all()
+
+
+def test_couplings_that_contradict_each_other_are_named(tmp_path: Path) -> None:
+    gear = (
+        '<coupling name="{}" type="polynomial"><follower joint="a"/><leader joint="b"/>'
+        '<polynomial value="{} 1"/></coupling>'
+    )
+    parts = (joint(name, "base", name) for name in "ab")
+    text = robot(link("base"), link("a"), link("b"), *parts, gear.format("one", 0.3), gear.format("two", 0.4))
+    with pytest.raises(
+        MechanismError, match=r"couplings do not close together.*'one', 'two'; correct their numbers"
+    ):
+        stp.load(write(tmp_path, text))

@@ -113,3 +113,14 @@ def test_legs_of_another_number_and_homes_out_of_reach_are_refused() -> None:
         stp.build.delta_chain(legs, width=0.05, **bodies(robot("delta"), "crank1", "rod1a"))
     with pytest.raises(UnreachableError, match="leg"):
         delta(home=[0.0, 0.0, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("limits", "angle"),
+    [((-np.inf, -0.2), -0.2), ((0.2, np.inf), 0.2), ((1.0, np.inf), 1.0), ((7.0, np.inf), 7.0)],
+)
+def test_a_home_at_the_end_of_the_limits(limits: tuple[float, float], angle: float) -> None:
+    """Where zero is beyond an only limit, home stands at that, all cranks alike, whatever the round-off."""
+    for chain in (delta(limits=limits), hexapod(limits=limits)):
+        motors = stp.motor_positions(chain, chain.q_home)
+        np.testing.assert_allclose(motors, angle, atol=1e-9)

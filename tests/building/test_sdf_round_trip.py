@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from stewart_pin.model.description import LOOP_KINDS, Bounds, Coupling, JointKin
 from stewart_pin.model.formats.sdf import read_sdf
 from stewart_pin.model.shapes import Material, Shape, ShapeKind
 from tests.building.read_again import require_same
-from tests.closed_states import slow_but_for_few
+from tests.closed_states import robot, slow_but_for_few
 from tests.mechanisms import four_bar, gear_train, two_bodies
 from tests.small_urdf import bundled, write
 from tests.zoo.table import ROWS, zoo_chain
@@ -249,3 +250,16 @@ def test_own_words_that_make_no_sense_are_refused(word: str, fault: str, tmp_pat
     (tmp_path / "bad.sdf").write_text(text.replace(line, f"{kept} {word}>"))
     with pytest.raises(FileFormatError, match=fault):
         stp.load(tmp_path / "bad.sdf")
+
+
+@pytest.mark.parametrize("digits", [6, 8])
+def test_printed_axes_of_universal_loops(digits: int, tmp_path: Path) -> None:
+    path = tmp_path / "tripod.sdf"
+    stp.export(robot("tripod_3upu"), path, format="sdf")
+    text = re.sub(
+        r"(?<=<xyz>)[^<]*",
+        lambda found: " ".join(f"{float(word):.{digits}g}" for word in found[0].split()),
+        path.read_text(),
+    )
+    path.write_text(text)
+    assert stp.mobility(stp.load(path)).dof == 3

@@ -69,7 +69,7 @@ def with_link(name: str, **changes: Any) -> Callable[[], stp.ClosedChain]:
     return make
 
 
-def ball(**changes: float) -> stp.ClosedChain:
+def ball(**changes: Any) -> stp.ClosedChain:
     mechanism = two_bodies(JointKind.SPHERICAL, np.random.default_rng(11)).described()
     joints = tuple(replace(j, **changes) if j.name == "ball" else j for j in mechanism.joints)
     return build_chain(replace(mechanism, joints=joints))
@@ -106,10 +106,25 @@ def loop(chain: stp.ClosedChain) -> list[tuple[str, str, int]]:
     return [(each.name, str(each.kind), chain.nc) for each in chain.loops]
 
 
+def swings(name: str) -> Callable[[stp.ClosedChain], Any]:
+    """Ask for the limit of a ball, and in which direction the swinging axis points on link 1 at home."""
+
+    def ask(chain: stp.ClosedChain) -> list[float] | None:
+        span = limit(f"{name} swing", "position")(chain)
+        joints = {joint.name: (joint.placement, joint) for joint in chain.mechanism.joints}
+        joints |= {loop.name: (loop.placement1, loop) for loop in chain.loops}
+        placement, held = joints[name]
+        return span and [*span, *(np.round(placement.rotation @ held.axis, 6) + 0.0).tolist()]
+
+    return ask
+
+
 BOX = (Shape(ShapeKind.BOX, (0.1, 0.2, 0.3)),)
 ODD = pin.Inertia(1.0, np.array([0.3, 0.0, 0.0]), np.diag([1.0, 1.0, 2.5]))
+LEANS = np.array([0.6, 0.0, 0.8])
 LIMITED = tuple(
-    replace(each, bounds=(Bounds((-np.inf, 1.0)), Bounds((-np.inf, 3.0)))) for each in four_bar().loops
+    replace(each, axis=LEANS, bounds=(Bounds((-np.inf, 1.0)), Bounds((-np.inf, 3.0))))
+    for each in four_bar().loops
 )
 CRANK = "joint 'crank_motor'"
 
@@ -148,9 +163,9 @@ THINGS = {
         with_joint("crank_motor", acceleration=3.0), limit("crank_motor", "acceleration"), CRANK
     ),
     "jerk": Thing(with_joint("crank_motor", jerk=(-1.0, 3.0)), limit("crank_motor", "jerk"), CRANK),
-    "swing of a ball": Thing(lambda: ball(swing=1.0), limit("ball swing", "position"), "'ball'"),
+    "swing of a ball": Thing(lambda: ball(swing=1.0, axis=LEANS), swings("ball"), "'ball'"),
     "turn of a ball": Thing(lambda: ball(turn=3.0), limit("ball angle", "position"), "'ball'"),
-    "limits of a loop": Thing(lambda: bar(loops=LIMITED), limit("pin swing", "position"), "'pin'"),
+    "limits of a loop": Thing(lambda: bar(loops=LIMITED), swings("pin"), "'pin'"),
     "platform": Thing(lambda: bar(platform="rocker"), lambda c: c.platform, "rocker"),
     "motors": Thing(lambda: stp.with_motors(four_bar(), ["elbow"]), lambda c: c.motors, "elbow"),
     "no motors": Thing(lambda: stp.with_motors(four_bar(), []), lambda c: c.motors, "motors"),

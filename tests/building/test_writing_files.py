@@ -113,3 +113,8 @@ def test_a_yaml_that_was_left_beside_is_noted_and_not_read(format: str, tmp_path
         stp.load(tmp_path / "a.urdf", loops=tmp_path / "a.yaml")
     with pytest.raises(FileFormatError, match=words):
         stp.load(tmp_path / "a.yaml")
+
+
+def test_a_path_that_no_file_can_have(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="path must name a file"):
+        stp.export(four_bar(), str(tmp_path / "a\0.urdf"))

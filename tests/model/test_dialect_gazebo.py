@@ -89,3 +89,10 @@ def test_the_rest_of_gazebo_is_still_read(tmp_path: Path) -> None:
     )
     report = str(stp.load(write(tmp_path, open_square(text))).report)
     assert "ignored: <gazebo>: simulator settings (the file)" in report
+
+
+@pytest.mark.parametrize("words", ["<turnGravityOff>true</turnGravityOff>", "<gravity>0</gravity>"])
+def test_gravity_that_is_off_for_a_link_is_told(words: str, tmp_path: Path) -> None:
+    text = GAZEBO.format(kind="ball", axis="") + f'<gazebo reference="rod">{words}</gazebo>'
+    report = str(stp.load(write(tmp_path, open_square(text))).report)
+    assert "gravity is off for this link in Gazebo, and stays on here" in report

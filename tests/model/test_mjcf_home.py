@@ -148,3 +148,15 @@ def test_what_acts_on_the_motion_is_named_with_its_value(tmp_path: Path) -> None
         "<geom> shapes give bodies their inertia",
     ):
         assert words in said, words
+
+
+def test_words_that_look_like_ours_are_told(tmp_path: Path) -> None:
+    custom = (
+        '<custom><text name="platfrom" data="a"/><numeric name="velocty:motor" data="2"/>'
+        '<text name="colour" data="b"/><numeric name="velocity:motor" data="1 2 3"/></custom>'
+    )
+    report = str(stp.load(write(tmp_path, mjcf(BOTH, custom, DRIVEN))).report)
+    assert "the name 'platfrom': unknown, is 'platform' meant?" in report
+    assert "the name 'velocty:motor': unknown, is 'velocity:' meant?" in report
+    assert "the name 'velocity:motor': unknown; it takes one number or two" in report
+    assert "colour" not in report

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
@@ -158,7 +159,7 @@ def test_a_universal_joint_swings_in_body_0_and_twists_in_body_1(tmp_path: Path)
     ("parts", "error", "message"),
     [
         ((generic({"rotY", "rotZ"}),), UnsupportedError, "leaves free rotY, rotZ"),
-        ((generic(LOCK),), FileFormatError, "has no limits, and holds nothing"),
+        ((generic(LOCK),), FileFormatError, "locks nothing, and holds nothing"),
         (
             (joint("any", "        float limit:rotX:physics:low = 0\n" + ends("", "left"), "PhysicsJoint"),),
             FileFormatError,
@@ -414,3 +415,66 @@ def test_frames_are_those_of_the_schema_s_own_parser(tmp_path: Path) -> None:
         for k in (0, 1):
             position = 0.01 * np.array(getattr(theirs[edge.path], f"localPose{k}Position"))
             np.testing.assert_allclose(edge.frames[k].translation, position, atol=1e-8)
+
+
+def a_ball(words: str) -> tuple[str, ...]:
+    return bar("left"), joint("ball", ends("", "left") + words, "PhysicsSphericalJoint")
+
+
+@pytest.mark.parametrize("axis", ["X", "Y", "Z"])
+def test_the_cone_of_a_ball_is_about_its_axis(axis: str, tmp_path: Path) -> None:
+    cone = "".join(f"        float physics:coneAngle{k}Limit = 30\n" for k in (0, 1))
+    chain = loaded(tmp_path, *a_ball(f'        uniform token physics:axis = "{axis}"\n' + cone))
+    turned = {name: pin.exp3(0.8 * unit) for name, unit in zip("XYZ", np.eye(3), strict=True)}
+    beyond = {
+        name
+        for name, turn in turned.items()
+        if stp.limits_exceeded(chain.at(np.array(pin.Quaternion(turn).coeffs())))
+    }
+    assert beyond == set("XYZ") - {axis}
+
+
+def test_limits_that_no_joint_of_ours_has_are_noted(tmp_path: Path) -> None:
+    chain = loaded(tmp_path, *a_ball("        float physics:coneAngle0Limit = 30\n"))
+    assert "a cone of 30 degrees to one side alone: not limited" in str(chain.report)
+    locked = "".join(
+        f"        float limit:trans{x}:physics:low = 1\n        float limit:trans{x}:physics:high = -1\n"
+        for x in "XYZ"
+    )
+    turns = "        float limit:rotY:physics:low = -10\n        float limit:rotY:physics:high = 20\n"
+    schemas = ", ".join(f'"PhysicsLimitAPI:{name}"' for name in ("transX", "transY", "transZ", "rotY"))
+    chain = loaded(
+        tmp_path, bar("left"), joint("j", ends("", "left") + locked + turns, "PhysicsJoint", schemas)
+    )
+    assert chain.mechanism.joint("j").kind is JointKind.SPHERICAL
+    assert "PhysicsLimitAPI:rotY: a spherical joint has no such coordinate, no limit" in str(chain.report)
+
+
+@pytest.mark.parametrize("instance", ["transX", "Z", "linear"])
+def test_mimics_of_physx_whatever_their_instance(instance: str, tmp_path: Path) -> None:
+    def slide(body: str, words: str = "") -> str:
+        return joint(f"{body}_slide", ends("", body) + words, "PhysicsPrismaticJoint")
+
+    words = (
+        f"        rel physxMimicJoint:{instance}:referenceJoint = </robot/left_slide>\n"
+        f"        float physxMimicJoint:{instance}:gearing = -2\n"
+    )
+    chain = loaded(tmp_path, bar("left"), bar("right"), slide("left"), slide("right", words))
+    (coupling,) = chain.couplings
+    assert (coupling.joint2, coupling.polynomial) == ("left_slide", (0.0, 2.0))
+
+
+def test_joints_of_one_name_are_called_by_their_paths(tmp_path: Path) -> None:
+    def arm(name: str) -> str:
+        hinge = joint("hinge", AXIS + f"        rel physics:body1 = </robot/{name}/bar>\n")
+        return f'    def Xform "{name}"\n    {{\n{bar("bar")}{hinge}    }}\n'
+
+    chain = loaded(tmp_path, arm("left"), arm("right"))
+    assert [joint.name for joint in chain.mechanism.joints] == ["robot_left_hinge", "robot_right_hinge"]
+    assert stp.mobility(chain).dof == 2
+
+
+def test_joints_to_what_is_not_there(tmp_path: Path) -> None:
+    absent = bar("gone").replace("def Xform", "over Xform")
+    with pytest.raises(FileFormatError, match=r"joins </robot/gone>, which is no part of the stage"):
+        loaded(tmp_path, bar("left"), absent, joint("j", AXIS + ends("left", "gone")))

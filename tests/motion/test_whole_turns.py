@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
+from stewart_pin.building.loading import build_chain
+from stewart_pin.model.description import Coupling, Joint, Link, Mechanism
 from tests.closed_states import close
-from tests.mechanisms import arm
+from tests.mechanisms import R, Z, arm, body, turned
 from tests.motion.turning import LEAD, screw, turning
 from tests.zoo.table import zoo_chain
 
@@ -87,3 +89,26 @@ def test_turns_that_poses_do_not_tell_are_said(rng: np.random.Generator) -> None
         columns = [(s.pose.translation, s.pose.rotation, s.twist, s.platform_bias) for s in states]
         samples = stp.motions.PlatformSamples(time, *map(np.array, zip(*columns, strict=True)))
         assert stp.motor_demand(chain, samples).turns_unsure == unsure
+
+
+@pytest.mark.parametrize("kernels", [None, True])
+def test_a_turn_of_a_sum_is_a_part_of_a_turn_of_each_joint(
+    kernels: bool | None, rng: np.random.Generator
+) -> None:
+    """The platform follows five joints that turn alike, all ratios being one: it turns five times as far."""
+    names = [f"part{k}" for k in range(5)]
+    links = (Link("base"), *(Link(f"{name}_link", body(rng)) for name in ("sum", *names)))
+    joints = tuple(
+        Joint(name, R, "base", f"{name}_link", turned(rng), Z, independent=name == "part0")
+        for name in ("sum", *names)
+    )
+    first, *rest = names
+    couplings = (
+        Coupling("sum", "sum", first, (0.0, 1.0), tuple((name, 1.0) for name in rest)),
+        *(Coupling(name, name, first, (0.0, 1.0)) for name in rest),
+    )
+    chain = build_chain(Mechanism("adder", links, joints, couplings=couplings, platform="sum_link"))
+    samples, right = turning(chain, 0.3, 400)  # the platform turns 1.5 times
+    found, plain = (stp.motor_demand(chain, samples, kernels=choice) for choice in (kernels, False))
+    close(found.positions, right, 1e-12)
+    close(found.efforts, plain.efforts, 1e-12)

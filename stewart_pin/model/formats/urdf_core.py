@@ -160,11 +160,14 @@ def _with_axis(reader: UrdfElements, element: etree._Element, joint: Joint) -> J
     owner = f"joint '{joint.name}'"
     if joint.kind is JointKind.FLOATING and element.find("limit") is not None:
         reader.note(owner, "<limit>: which freedom of a floating joint it limits is not said")
-    if joint.kind in (JointKind.FLOATING, JointKind.SPHERICAL) and element.find("axis") is not None:
-        reader.note(owner, f"<axis>: a {joint.kind} joint has none")
     if joint.kind is JointKind.SPHERICAL:
-        return replace(joint, **_cones(reader, element, owner))
+        cones = _cones(reader, element, owner)
+        if "swing" in cones:  # of this axis
+            return replace(joint, axis=reader.axis(element, owner, "axis", "0 0 1"), **cones)
+        joint = replace(joint, **cones)
     if not joint.has_axis:
+        if joint.kind is not JointKind.FIXED and element.find("axis") is not None:
+            reader.note(owner, f"<axis>: a {joint.kind} joint has none, but for that of a swing")
         return joint
     axis = reader.axis(element, owner, "axis", "1 0 0")
     return replace(joint, axis=axis, **_limits(reader, element, owner, element.get("type", "")))

@@ -252,6 +252,8 @@ def _write_joint(robot: etree._Element, joint: Joint) -> None:
     etree.SubElement(element, "child", link=joint.child)
     write_origin(element, joint.placement)
     if joint.kind is JointKind.SPHERICAL:
+        if np.isfinite(joint.swing):
+            etree.SubElement(element, "axis", xyz=number_text(joint.axis))
         _write_stated(element, {"swing": joint.swing, "turn": joint.turn})
     if not joint.has_axis:
         return

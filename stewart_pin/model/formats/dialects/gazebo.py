@@ -74,6 +74,11 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
     for joint in joints:
         element.remove(joint)
     couplings = take_mimic_plugins(reader, element)
+    if _floats(element):
+        reader.note(
+            f"<gazebo reference='{element.get('reference')}'>",
+            "gravity is off for this link in Gazebo, and stays on here; load(gravity=...) sets it for all",
+        )
     if len(element) or not (joints or couplings):
         reader.ignore(element, "the file")
     loops = [_read_joint(reader, joint) for joint in joints]
@@ -103,6 +108,12 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
         )
 
     return Parts(later=placed if loops or couplings else None)
+
+
+def _floats(element: etree._Element) -> bool:
+    """Whether gravity is turned off for a link."""
+    words = {tag: (element.findtext(tag) or "").strip().lower() for tag in ("turnGravityOff", "gravity")}
+    return words["turnGravityOff"] in ("true", "1") or words["gravity"] in ("false", "0")
 
 
 def _read_joint(reader: UrdfElements, element: etree._Element) -> Loop:

@@ -192,7 +192,8 @@ def _write_loop(robot: etree._Element, loop: Loop) -> None:
         ("successor", loop.link2, loop.placement2),
     ):
         write_origin(etree.SubElement(element, tag, link=link), placement)
-    if loop.kind not in AXIS_FREE_LOOPS:
+    swings = loop.kind is JointKind.SPHERICAL and bool(loop.bounds)  # by this axis
+    if swings or loop.kind not in AXIS_FREE_LOOPS:
         etree.SubElement(element, "axis", xyz=number_text(loop.axis))
     if loop.kind is JointKind.UNIVERSAL:
         etree.SubElement(element, "axis2", xyz=number_text(loop.axis2))

@@ -136,12 +136,15 @@ class Asides:
         Speed limits of joints, from ``<numeric name="velocity:JOINT">``, one number for both sides [m/s or rad/s].
     assembled
         Whether ``<text name="home" data="assembled">`` lets home stay where it is, whatever the limits say.
+    strangers
+        Names of texts and numbers that are none of these.
     """
 
     geoms: Mapping[int, GeomSource]
     platform: str
     speeds: Mapping[str, float | Span]
     assembled: bool = False
+    strangers: tuple[str, ...] = ()
 
 
 class AsideReader:
@@ -163,6 +166,9 @@ class AsideReader:
             for number in spec.numerics
             if number.name.startswith(SPEED) and number.size in (1, 2)
         }
+        self.others = [
+            number.name for number in spec.numerics if number.name.removeprefix(SPEED) not in self.speeds
+        ]
 
     def read(self) -> Asides:
         """Say what was kept, once the specification is compiled and its geoms are numbered.
@@ -174,7 +180,10 @@ class AsideReader:
         """
         geoms = {int(geom.id): source for geom, source in self.sources}
         assembled = self.texts.get(HOME) == ASSEMBLED
-        return Asides(geoms, self.texts.get(PLATFORM, PLATFORM), self.speeds, assembled)
+        strangers = [*(name for name in self.texts if name not in (PLATFORM, HOME)), *self.others]
+        return Asides(
+            geoms, self.texts.get(PLATFORM, PLATFORM), self.speeds, assembled, strangers=tuple(strangers)
+        )
 
 
 def _geom_source(mujoco: Any, spec: Any, geom: Any) -> GeomSource:

@@ -11,7 +11,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,18 @@ import numpy as np
 
 from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import Mechanism, Note, Outcome
-from stewart_pin.model.formats.mjcf.compiling import compile_mjcf, given_names, import_mujoco
+from stewart_pin.model.formats.mjcf.compiling import (
+    HOME,
+    PLATFORM,
+    SPEED,
+    compile_mjcf,
+    given_names,
+    import_mujoco,
+)
 from stewart_pin.model.formats.mjcf.loops import read_ties
 from stewart_pin.model.formats.mjcf.motors import read_motors
 from stewart_pin.model.formats.mjcf.tree import Tree, read_tree
+from stewart_pin.model.formats.words import meant_word
 from stewart_pin.model.formats.xml import UNLIMITED
 
 # ----------------------------------------------------------------------------------------------------
@@ -114,6 +122,16 @@ def _of_actuators(model: Any) -> Iterable[Note]:
             yield Note(owner, f"damping {damping:g}: {_FORCE}")
 
 
+def _of_custom(strangers: Sequence[str]) -> Iterable[Note]:
+    """Tell names that look like ours; others are for programs of their own."""
+    for name in strangers:
+        word = name.partition(":")[0] + (":" if ":" in name else "")
+        meant = meant_word(word, (PLATFORM, HOME, SPEED))
+        if meant:
+            text = "unknown; it takes one number or two" if word == meant else f"unknown, is '{meant}' meant?"
+            yield Note("<custom>", f"the name '{name}': {text}")
+
+
 def _of_the_world(model: Any) -> Iterable[Note]:
     if np.any(np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)):
         yield Note("<geom>", "shapes give bodies their inertia where the file says so; there are no contacts")
@@ -189,7 +207,15 @@ def read_mjcf(path: Path) -> Mechanism:
         home=tree.home,
         home_is_guess=not asides.assembled,
         source=str(path),
-        notes=(*said, *tree.notes, *ties.notes, *drive.notes, *key_notes, *left_out(model, tree)),
+        notes=(
+            *said,
+            *tree.notes,
+            *ties.notes,
+            *drive.notes,
+            *key_notes,
+            *left_out(model, tree),
+            *_of_custom(asides.strangers),
+        ),
         gravity=(x, y, z),
         assembled=asides.assembled,
     )

@@ -46,12 +46,11 @@ from stewart_pin.model.unfolding import (
     unfold_screw,
     unfold_universal,
 )
+from stewart_pin.tolerances import PRINTED
 from stewart_pin.typing import FloatArray
 
 _SAME_PLACE = 1e-14
 """Distance, in sizes of the robot, and entry of a rotation below which two frames are one."""
-_PERPENDICULAR = 1e-9
-"""Cosine of the angle between the axes of a universal joint that closes a loop."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,14 +247,15 @@ def _leans(joint: SdfJoint) -> bool:
     if joint.kind is not JointKind.UNIVERSAL:
         return False
     first, second = joint.axes
-    return abs(float(first.direction @ second.direction)) > _PERPENDICULAR
+    return abs(float(first.direction @ second.direction)) > PRINTED
 
 
 def _close(joint: SdfJoint, source: str) -> Loop:
     if joint.lead != 0.0 or _leans(joint):
+        fault = ": its axes are not at right angles" if _leans(joint) else ""
         raise FileFormatError(
-            f"joint '{joint.name}' of type '{joint.written}' cannot close a loop; take its <must_be_loop_joint> off, "
-            "and mark another joint of the loop",
+            f"joint '{joint.name}' of type '{joint.written}' cannot close a loop{fault}; take its "
+            "<must_be_loop_joint> off, and mark another joint of the loop",
             path=source,
             culprit=joint.name,
         )

@@ -26,6 +26,7 @@ from stewart_pin.model.formats.usd.stage import (
     same_single,
     schema_frames,
 )
+from stewart_pin.model.formats.xml import UNLIMITED
 from stewart_pin.typing import FloatArray
 
 GROUND = ""
@@ -143,7 +144,8 @@ class JointReader:
         Returns
         -------
         list of Edge
-            Those that hold something, or are moved by a motor, in the order of the stage.
+            Those that hold something, or are moved by a motor, in the order of the stage; named after their prims where
+            that is unique, else after their paths.
 
         Raises
         ------
@@ -177,7 +179,13 @@ class JointReader:
                 edge if drives[edge.path] or edge.told else replace(edge, motors=frozenset())
                 for edge in edges
             ]
-        return edges
+        names = [edge.name for edge in edges]
+        return [
+            edge
+            if edge.told or names.count(edge.name) == 1
+            else replace(edge, name=edge.path.strip("/").replace("/", "_"))
+            for edge in edges
+        ]
 
     def _refuse_unread(self, prim: Any) -> None:
         kind, applied = str(prim.GetTypeName()), [str(name) for name in prim.GetAppliedSchemas()]
@@ -213,7 +221,8 @@ class JointReader:
             if not excluded:
                 raise stage.error(
                     path,
-                    "has no limits, and holds nothing; lock what it is to hold (PhysicsLimitAPI), or remove it",
+                    "locks nothing, and holds nothing; lock what it is to hold (PhysicsLimitAPI, low above high), or "
+                    "remove it",
                 )
             stage.note(path, "a joint without limits, which holds nothing: left out")
             return None
@@ -273,7 +282,12 @@ class JointReader:
         owner = body_above(self.stage, prim)
         if owner is None:
             return GROUND, placed, scale
-        body = self.bodies[str(owner.GetPath())]
+        body = self.bodies.get(str(owner.GetPath()))
+        if body is None:
+            raise self.stage.error(
+                path,
+                f"joins <{targets[0]}>, which is no part of the stage: not active, or never defined (`def`)",
+            )
         return body.path, one if owner == prim else body.pose.inverse() * placed, scale
 
     def _count_digits(self, prim: Any) -> None:
@@ -319,7 +333,13 @@ class JointReader:
                     path,
                     f"holds {name} at {low:g}; lock it (low above high), and shift physics:localPos0 or localRot0",
                 )
-        return self._generic(path, [dof for dof in DOFS if dof not in locked])
+        kind, dofs = self._generic(path, [dof for dof in DOFS if dof not in locked])
+        for name in sorted({*limits} - locked - {*dofs}):
+            if np.isfinite(self._range(prim, name)).any():
+                self.stage.note(
+                    path, f"PhysicsLimitAPI:{name}: a {kind} joint has no such coordinate, no limit"
+                )
+        return kind, dofs
 
     def _look_for_unapplied(self, prim: Any, path: str, limits: list[str]) -> None:
         """Refuse limits, and note drives, without the schema that makes engines look at them."""
@@ -398,7 +418,8 @@ class JointReader:
         low, high = (
             float(self.stage.value(prim, name, far)) for name, far in zip(names, (-inf, inf), strict=True)
         )
-        return low, high
+        # Writers also say by the largest number that there is no limit.
+        return -inf if low <= -UNLIMITED else low, inf if high >= UNLIMITED else high
 
     def _bound(self, prim: Any, path: str, kind: JointKind, dof: str) -> Bounds:
         """Read limits of a coordinate, which are degrees where it is an angle."""
@@ -477,6 +498,8 @@ class JointReader:
         """Read how far a ball swings: the largest of its two angles; a cone that is not round is none of ours."""
         limits = [float(self.stage.value(prim, f"physics:coneAngle{k}Limit", -1.0)) for k in (0, 1)]
         if min(limits) < 0:
+            if max(limits) >= 0:
+                self.stage.note(path, f"a cone of {max(limits):g} degrees to one side alone: not limited")
             return ()
         if limits[0] != limits[1]:
             text = f"a cone of {limits[0]:g} by {limits[1]:g} degrees: the larger is taken for both"

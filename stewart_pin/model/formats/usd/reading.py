@@ -10,6 +10,7 @@ References
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +32,7 @@ from stewart_pin.model.formats.usd.stage import OWN, PLATFORM, Stage, meant, ope
 from stewart_pin.model.formats.usd.tree import TreeMaker
 from stewart_pin.typing import FloatArray
 
+_PHYSX_MIMIC = re.compile(r"physxMimicJoint:\w+:referenceJoint")
 _EARTH = 9.81
 """What stands for a magnitude of gravity that is not stated [m/s²]."""
 
@@ -249,14 +251,19 @@ def _mimic(stage: Stage, prim: Any, edge: Edge, by_path: Mapping[str, Edge]) -> 
         offset, factor = (
             float(meant([stage.value(prim, f"newton:mimicCoef{k}", float(k))])[0]) for k in (0, 1)
         )
-    for dof in ("rotX", "rotY", "rotZ"):
-        physx = stage.targets(prim, f"physxMimicJoint:{dof}:referenceJoint")
-        if physx and not targets:
-            targets = physx
-            offset, factor = (
-                -float(meant([stage.value(prim, f"physxMimicJoint:{dof}:{word}", default)])[0])
-                for word, default in (("offset", 0.0), ("gearing", 1.0))
-            )
+    # One instance, whose name is that of the coordinate: rotX, transY, Z or linear, as writers have it.
+    physx = [
+        (target, str(rel.GetName()).rpartition(":")[0])
+        for rel in prim.GetRelationships()
+        if _PHYSX_MIMIC.fullmatch(str(rel.GetName()))
+        for target in stage.targets(prim, str(rel.GetName()))
+    ]
+    if physx and not targets:
+        targets = [target for target, _ in physx]
+        offset, factor = (
+            -float(meant([stage.value(prim, f"{physx[0][1]}:{word}", default)])[0])
+            for word, default in (("offset", 0.0), ("gearing", 1.0))
+        )
     if not targets:
         return None
     leader = by_path.get(str(targets[0]))

@@ -543,7 +543,7 @@ def _reason(error: Exception) -> str:
 
 
 def _last(error: Exception) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    lines = [line.strip() for line in str(error).splitlines() if any(sign.isalpha() for sign in line)]
     return (lines[-1] if lines else "no reason given")[-300:]
 
 

@@ -365,7 +365,7 @@ def _limited(joint: Joint, edge: Edge, number: int) -> Joint:
         return joint
     if edge.kind is JointKind.SPHERICAL:
         swing, turn = (bound.position[1] for bound in edge.bounds)
-        return replace(joint, swing=swing, turn=turn)
+        return replace(joint, axis=edge.axis, swing=swing, turn=turn)
     bound = edge.bounds[number]
     lower, upper = bound.position
     further = {
