@@ -1,4 +1,4 @@
-"""The same mechanism with other masses, with its ground set free, or with joints locked, without touching its file."""
+"""The same mechanism with other masses, its ground free, joints locked, or its joints and loops attached elsewhere."""
 
 from __future__ import annotations
 
@@ -11,15 +11,21 @@ import pinocchio as pin
 from stewart_pin.building.joints import with_rotors_of
 from stewart_pin.building.loading import build_chain, require_link, with_fixed_link
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.model.description import Coupling, Joint, JointKind, Link
+from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Mechanism
 from stewart_pin.model.tree import build_tree, link_frame
 from stewart_pin.model.unfolding import fixed_to
 from stewart_pin.model.validation import is_massless, validate
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import as_pose
+from stewart_pin.state.geometry_parameters import (
+    Attachment,
+    Displacement,
+    GeometryParameter,
+    geometry_parameters,
+)
 from stewart_pin.state.newton import close_loops
 from stewart_pin.state.state import as_chain, as_configuration
-from stewart_pin.typing import ArrayLike, Configuration
+from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 
 
 def replace_inertias(chain: ClosedChain, inertias: Mapping[str, pin.Inertia]) -> ClosedChain:
@@ -386,3 +392,89 @@ def _with_locked(coupling: Coupling, locked: set[str], values: dict[str, Configu
                 f"where joint '{left[0]}' stands at {stands:.6g}, and does not hold it; lock both, or elsewhere"
             )
     return Coupling(coupling.name, left[0], None, (stands,))
+
+
+# ----------------------------------------------------------------------------------------------------
+# The same mechanism with joints and loops attached elsewhere, as tolerances and calibration have it
+# ----------------------------------------------------------------------------------------------------
+
+_Moves = dict[tuple[str, Attachment], FloatArray]
+"""(6,) shift and rotation vector of each place that moves."""
+
+
+def displace_geometry(chain: ClosedChain, displacements: Mapping[GeometryParameter, float]) -> ClosedChain:
+    """Attach joints and loops elsewhere.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    displacements
+        How far each of `geometry_parameters` is displaced [m or rad]; what is not named stays. The turns of a frame
+        form one rotation vector.
+
+    Returns
+    -------
+    ClosedChain
+        Same links, masses, motors and platform; its home is the old one with the loops closed again.
+
+    Raises
+    ------
+    InputError
+        If a parameter is not one of the chain's, or a displacement is not finite.
+    MechanismError
+        If what results is no mechanism, as with a rod of negative length.
+    ClosureError
+        If the loops do not close any more, as where a planar mechanism is bent out of its plane.
+
+    Examples
+    --------
+    >>> import stewart_pin as stp
+    >>> chain = stp.load("stewart")
+    >>> first = stp.build.geometry_parameters(chain)[0]
+    >>> moved = stp.build.displace_geometry(chain, {first: 1e-3})
+    """
+    as_chain(chain)
+    known = set(geometry_parameters(chain))
+    moves: _Moves = {}
+    if not isinstance(displacements, Mapping):
+        raise InputError(
+            f"displacements must give an amount to each parameter, got {type(displacements).__name__}"
+        )
+    for parameter, amount in displacements.items():
+        if parameter not in known:
+            raise InputError(
+                f"{parameter} is no parameter of {chain.name}; stewart_pin.build.geometry_parameters lists them"
+            )
+        if not np.isfinite(amount):
+            raise InputError(f"the displacement of {parameter} must be finite, got {amount}")
+        place = moves.setdefault((parameter.owner, parameter.attachment), np.zeros(6))
+        place[parameter.axis + (3 if parameter.displacement is Displacement.TURN else 0)] = amount
+    mechanism = _moved(chain.mechanism, moves)
+    validate(mechanism)
+    moved = replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
+    moved = with_rotors_of(chain, moved)
+    return replace(moved, q_home=close_loops(moved, chain.q_home).q)
+
+
+def _moved(mechanism: Mechanism, moves: _Moves) -> Mechanism:
+    def placed(placement: pin.SE3, owner: str, attachment: Attachment) -> pin.SE3:
+        move = moves.get((owner, attachment))
+        if move is None:
+            return placement
+        return pin.SE3(pin.exp3(move[3:]) @ placement.rotation, placement.translation + move[:3])
+
+    joints = tuple(
+        replace(joint, placement=placed(joint.placement, joint.name, Attachment.JOINT))
+        for joint in mechanism.joints
+    )
+    loops = tuple(
+        replace(
+            loop,
+            placement1=placed(loop.placement1, loop.name, Attachment.FRAME1),
+            placement2=placed(loop.placement2, loop.name, Attachment.FRAME2),
+            length=loop.length + float(moves.get((loop.name, Attachment.ROD), np.zeros(1))[0]),
+        )
+        for loop in mechanism.loops
+    )
+    return replace(mechanism, joints=joints, loops=loops)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.building.exporting import body_points, hinge_reach, off_centre
+from stewart_pin.building.drawn_shapes import body_points, hinge_reach, off_centre
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.tree import link_frame

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from stewart_pin.building.exporting import body_points
+from stewart_pin.building.drawn_shapes import body_points
 from stewart_pin.errors import FileFormatError, FileMissingError, MissingExtraError
 from stewart_pin.model.description import Joint, JointKind
 from stewart_pin.model.formats.xml import read_xml

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.building.exporting import body_points
+from stewart_pin.building.drawn_shapes import body_points
 from stewart_pin.model.formats.reading import read_mechanism
 from tests.building.test_shapes import dressed
 from tests.closed_states import slow_but_for_few

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.building.exporting import body_points
+from stewart_pin.building.drawn_shapes import body_points
 
 
 @pytest.mark.parametrize("robot", ["stewart", "stewart_sps", "four_bar"])
