@@ -26,6 +26,7 @@ def test_simulate_accounts_for_energy_and_tracking(tmp_path: Path) -> None:
     assert "rms position error" in answer.stdout
 
 
+@pytest.mark.slow
 def test_shake_fits_the_record_and_shakes(tmp_path: Path) -> None:
     figures = tmp_path / "shake.json"
     answer = run(

@@ -174,6 +174,7 @@ def spare_states(rng: np.random.Generator, count: int):
     return many, whole, position, velocity, acceleration
 
 
+@pytest.mark.slow
 def test_motors_to_spare_must_agree(rng: np.random.Generator) -> None:
     many, whole, position, velocity, acceleration = spare_states(rng, 4)
     assert (many.report.route, many.report.freedoms, many.chain.nu) == ("legs", 3, 4)

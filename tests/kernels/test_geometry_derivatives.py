@@ -32,7 +32,7 @@ CASES = [
     pytest.param(
         name,
         coordinates,
-        marks=() if name in SMALL or (name, coordinates) == ("stewart", "platform") else pytest.mark.slow,
+        marks=() if name in SMALL else pytest.mark.slow,
     )
     for name in ROBOTS
     for coordinates in ("platform", "motor", "tree")

@@ -7,6 +7,8 @@ import subprocess
 import sys
 import threading
 
+import pytest
+
 import stewart_pin as stp
 from stewart_pin.programs import symbolic
 
@@ -28,6 +30,7 @@ print("done")
 """
 
 
+@pytest.mark.slow
 def test_threads_write_one_after_the_other() -> None:
     """Without the lock CasADi 3.8 ends one such process in a few, in its own code."""
     run = subprocess.run(  # in a process of its own: the end would be that of the tests

@@ -25,7 +25,7 @@ def test_a_gear_stands_elsewhere_after_a_turn(count: int, kernels: bool | None) 
     close(found.efforts, plain.efforts, 1e-12)
 
 
-@pytest.mark.parametrize("count", [41, 301])
+@pytest.mark.parametrize("count", [41, pytest.param(301, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kernels", [None, True])
 def test_the_turns_of_a_screw_follow_from_its_lead(count: int, kernels: bool | None) -> None:
     chain = stp.with_limits(screw(), {"screw": {"position": (-10 * np.pi, 10 * np.pi)}})
@@ -54,7 +54,7 @@ def test_a_motion_on_a_screw_is_fitted_by_its_turns() -> None:
     assert stp.fit_to_limits(chain, shake).scale == pytest.approx(0.5, rel=1e-5)
 
 
-@pytest.mark.parametrize("count", [60, 301])
+@pytest.mark.parametrize("count", [60, pytest.param(301, marks=pytest.mark.slow)])
 def test_a_crank_turns_once_whatever_the_number_of_instants(count: int) -> None:
     """Kernels start at home, from where the other half of the turn lies behind a dead centre of the platform."""
     chain = stp.load("four_bar")
@@ -91,7 +91,7 @@ def test_turns_that_poses_do_not_tell_are_said(rng: np.random.Generator) -> None
         assert stp.motor_demand(chain, samples).turns_unsure == unsure
 
 
-@pytest.mark.parametrize("kernels", [None, True])
+@pytest.mark.parametrize("kernels", [None, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_turn_of_a_sum_is_a_part_of_a_turn_of_each_joint(
     kernels: bool | None, rng: np.random.Generator
 ) -> None:

@@ -17,6 +17,7 @@ from tests.programs.targets import TARGETS
 pytest.importorskip("llvmlite")
 
 
+@pytest.mark.slow
 def test_code_in_a_cycle_of_references_is_disposed_of_in_order() -> None:
     """Collected in any order, a context may go before its engine, which ends the interpreter."""
     text = 'define void @"run"() {\n  ret void\n}\n'

@@ -81,7 +81,10 @@ def test_spread_is_relative_to_the_largest_force() -> None:
 
 @pytest.mark.parametrize(
     ("chain", "turns", "why"),
-    [(stp.load("four_bar"), 1.0, "no answer at"), (zoo_chain("planetary_gear"), 2.34, "counts whole turns")],
+    [
+        pytest.param(stp.load("four_bar"), 1.0, "no answer at", marks=pytest.mark.slow),
+        (zoo_chain("planetary_gear"), 2.34, "counts whole turns"),
+    ],
 )
 def test_kernels_that_lose_the_motion_are_no_method(chain: stp.ClosedChain, turns: float, why: str) -> None:
     """They start at home: behind a dead centre, or after a turn of a gear, they have none or another state."""

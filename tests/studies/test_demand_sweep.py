@@ -201,6 +201,7 @@ def test_designs_may_stand_side_by_side() -> None:
     assert np.abs(first["peak_effort"] - second["peak_effort"]).max() > 1.0
 
 
+@pytest.mark.slow
 def test_neither_company_nor_executor_changes_a_bit(tmp_path: Path) -> None:
     """The last point fails in the middle of a call of the kernels."""
     chain = robot("delta")
@@ -315,6 +316,7 @@ def test_a_design_is_built_once_and_compiled_where_it_is_worth_it(monkeypatch: p
     assert compiled == []
 
 
+@pytest.mark.slow
 def test_threads_compile_without_harm() -> None:
     """Many first calls at the same time, of a chain that nobody has compiled before."""
     for _ in range(2):

@@ -202,7 +202,9 @@ def test_a_kernel_that_loses_digits_is_left(rng: np.random.Generator) -> None:
     np.testing.assert_allclose(plant.acceleration(chain.q_home, still, np.zeros(6)), expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["stewart", "delta", "four_bar", "rpr_planar"])
+@pytest.mark.parametrize(
+    "name", ["stewart", pytest.param("delta", marks=pytest.mark.slow), "four_bar", "rpr_planar"]
+)
 def test_compiled_projection_is_the_careful_one(name: str, rng: np.random.Generator) -> None:
     """The shortest displacement onto closed loops and its velocity; what is far from closed is left to the careful."""
     chain = robot(name)
