@@ -11,7 +11,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import FileFormatError, MissingExtraError, UnsupportedError
 from stewart_pin.model.description import JointKind
-from tests.model.small_dialects import FRAMES, YAML, five_bar, square
+from tests.model.small_dialects import BALLS, FRAMES, YAML, five_bar, square
 from tests.small_urdf import ARM, robot, write
 
 
@@ -71,6 +71,22 @@ def test_a_yaml_says_what_a_closing_mate_was(tmp_path: Path) -> None:
 def test_other_yaml_files_beside_a_robot_are_left_alone(tmp_path: Path) -> None:
     write(tmp_path, "controller: {gains: [1, 2]}", "small.yaml")
     assert stp.load(write(tmp_path, robot(*ARM))).nv == 2
+
+
+def test_of_two_yaml_files_with_loops_the_meant_one_is_to_be_named(tmp_path: Path) -> None:
+    path = write(tmp_path, five_bar(), "robot.urdf")
+    first = write(tmp_path, YAML.format(kind="3d"), "robot.yaml")
+    write(tmp_path, YAML.format(kind="6d"), "robot.yml")
+    with pytest.raises(
+        FileFormatError, match=r"robot\.yaml and robot\.yml lie beside .* loops='.*robot\.yaml'"
+    ):
+        stp.load(path)
+    assert stp.load(path, loops=first).loops[0].kind is JointKind.SPHERICAL
+    other = stp.load(write(tmp_path, square(BALLS["drake"])))
+    told = str(stp.export(other, path, format="gepetto"))
+    assert "load refuses two: remove it (file 'robot.yml' beside it)" in told and "robot.yaml" not in told
+    write(tmp_path, "controller: {gains: [1, 2]}", "robot.yml")  # none of loops
+    assert stp.load(path).loops[0].kind is JointKind.SPHERICAL
 
 
 YAML_MISTAKES = {

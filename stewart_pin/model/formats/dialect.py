@@ -359,8 +359,8 @@ def add_side_car(mechanism: Mechanism, path: Path) -> Mechanism:
     return dialect.add_side_car(mechanism, path)
 
 
-def find_beside(path: Path) -> Path | None:
-    """Find the side-car file of a URDF: of the same name, but for the ending, and with loops in it.
+def find_beside(path: Path) -> list[Path]:
+    """Find the side-car files of a URDF: of the same name, but for the ending, and with loops in them.
 
     Parameters
     ----------
@@ -369,19 +369,21 @@ def find_beside(path: Path) -> Path | None:
 
     Returns
     -------
-    pathlib.Path or None
-        The first that exists, whatever the case of its ending, and in UTF-8 or UTF-16.
+    list of pathlib.Path
+        Whatever the case of their endings, and in UTF-8 or UTF-16.
     """
     by_suffix = side_car_suffixes()
     try:
         beside = sorted(each for each in path.parent.iterdir() if each.stem == path.stem)
     except OSError:  # the folder is not to be listed
         beside = [path.with_suffix(suffix) for suffix in by_suffix]
-    for each in beside:
-        dialect = by_suffix.get(each.suffix.lower())
-        if dialect is not None and each.is_file() and dialect.is_side_car(side_car_text(each.read_bytes())):
-            return each
-    return None
+    return [
+        each
+        for each in beside
+        if (dialect := by_suffix.get(each.suffix.lower())) is not None
+        and each.is_file()
+        and dialect.is_side_car(side_car_text(each.read_bytes()))
+    ]
 
 
 def side_car_text(content: bytes) -> str:

@@ -147,8 +147,14 @@ def read_urdf(path: Path, *, loops: Path | None = None) -> Mechanism:
                 f"load the URDF alone, or take the attribute '{COMPLETE[0]}' off",
                 "<robot>",
             )
-        side_car = find_beside(path) if loops is None and not is_complete else loops
-        if side_car is not None:
+        beside = find_beside(path) if loops is None and not is_complete else []
+        if len(beside) > 1:
+            raise reader.error(
+                f"{' and '.join(each.name for each in beside)} lie beside the file, and each declares loops; name the "
+                f"one that is meant: loops={str(beside[0])!r}",
+                beside[1].name,
+            )
+        for side_car in beside if loops is None else (loops,):
             mechanism = add_side_car(mechanism, side_car)
         for dialect in dialects():
             if dialect.complete is not None:

@@ -203,14 +203,14 @@ def save(
     Returns
     -------
     tuple of Note
-        Which file lies there and is passed by.
+        Which files lie there that declare loops as well.
     """
-    notes: tuple[Note, ...] = ()
-    stale = find_beside(path) if side_car is None else None
-    if stale is not None:
+    stale = [each for each in find_beside(path) if each not in (side_car or {})]
+    passed_by = "load passes it by, other software may not" if side_car is None else "load refuses two"
+    text = f"declares loops of another file; {passed_by}: remove it"
+    notes = tuple(Note(f"file '{each.name}' beside it", text) for each in stale)
+    if stale and side_car is None:
         robot.set(*COMPLETE)
-        text = "declares loops of another file; load passes it by, other software may not: remove it"
-        notes = (Note(f"file '{stale.name}' beside it", text),)
     if mechanism.platform not in (None, "platform"):
         etree.SubElement(robot, "end_effector", name="platform", parent_link=mechanism.platform, group="all")
     if mechanism.home:
