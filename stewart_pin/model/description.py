@@ -7,6 +7,7 @@ is the joint's frame after the joint has moved.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -294,6 +295,14 @@ class Note:
     outcome: Outcome = Outcome.IGNORED
 
 
+_ALIKE = 20
+"""Findings of one reason that a report tells one by one."""
+
+
+def _reason(text: str) -> str:
+    return text.rpartition(": ")[2]
+
+
 @dataclass(frozen=True)
 class Report:
     """What a reader found in a file besides links, joints and loops of its own dialect; print it.
@@ -307,16 +316,26 @@ class Report:
     notes: tuple[Note, ...] = ()
 
     def __str__(self) -> str:
-        """Group equal findings, one line each: what was kept, then what was changed, then what was ignored."""
+        """Group equal findings, one line each: what was kept, then what was changed, then what was ignored.
+
+        Of many that were ignored for one reason, the first are told, and how many more there are.
+        """
         lines: list[str] = []
         for outcome in Outcome:
             subjects: dict[str, list[str]] = {}
             for note in self.notes:
                 if note.outcome is outcome:
                     subjects.setdefault(note.text, []).append(note.subject)
+            reasons = Counter(_reason(text) for text in subjects)
+            told: Counter[str] = Counter()
             for text, owners in subjects.items():
-                more = f" and {len(owners) - 3} more" if len(owners) > 3 else ""
-                lines.append(f"{outcome}: {text} ({', '.join(owners[:3])}{more})")
+                reason = _reason(text)
+                told[reason] += 1
+                if outcome is not Outcome.IGNORED or told[reason] <= _ALIKE:
+                    more = f" and {len(owners) - 3} more" if len(owners) > 3 else ""
+                    lines.append(f"{outcome}: {text} ({', '.join(owners[:3])}{more})")
+                elif told[reason] == _ALIKE + 1:
+                    lines.append(f"{outcome}: {reasons[reason] - _ALIKE} more: {reason}")
         return "\n".join(lines) or "nothing was ignored"
 
 

@@ -176,3 +176,21 @@ def test_damaged_files_load_or_fail_with_our_errors(tmp_path: Path, content: byt
     path = tmp_path / "fuzzed.urdf"
     path.write_bytes(content)
     assert_loads_or_says_why(path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    ['<foo_{0} a="b"/>', '<material name="m{0}"><color rgba="1 1 1 1"/></material>'],
+    ids=["unknown tags", "materials"],
+)
+def test_time_grows_with_the_size_of_a_file_and_the_report_stays_short(tmp_path: Path, content: str) -> None:
+    took, told = [], 0
+    for count in (2_000, 16_000):
+        path = write(tmp_path, robot(*ARM, *(content.format(k) for k in range(count))))
+        start = time.process_time()
+        chain = stp.load(path)
+        took.append(time.process_time() - start)
+        told = len(str(chain.report).splitlines())
+        assert len(chain.report.notes) == count and f"{count - 20} more: " in str(chain.report)
+    # Eight times the tags: 64 times the time, were it to grow with the square.
+    assert took[1] < 24 * max(took[0], 0.02) and told < 30

@@ -87,26 +87,27 @@ def _texts(root: etree._Element) -> Iterator[tuple[str, str, bool]]:
     in_degrees = shown_tag(root) == "mujoco" and not any(
         element.get("angle") == "radian" for element in root.iter("compiler")
     )
-    waiting = [root]
-    while waiting:
-        element = waiting.pop()
-        if not isinstance(element.tag, str) or shown_tag(element) in _ASIDE:
-            continue
-        waiting.extend(element)
-        for name, value in element.attrib.items():
-            if name in _LENGTHS:
-                # The axis of a joint is told as xyz as well.
-                kind = "angle" if shown_tag(element) in ("axis", "axis2") else "length"
-                yield kind, str(value), False
-            elif name in _ANGLES:
-                yield "angle", str(value), in_degrees and name == "euler"
-            elif name in _BOTH:
-                yield "pose", str(value), False
-        if shown_tag(element) == "pose":
-            quaternion = element.get("rotation_format") == "quat_xyzw"
-            yield "pose", element.text or "", element.get("degrees") == "true" and not quaternion
-        elif shown_tag(element) == "xyz":
-            yield "angle", element.text or "", False
+    yield from _texts_within(root, in_degrees=in_degrees)
+
+
+def _texts_within(element: etree._Element, *, in_degrees: bool) -> Iterator[tuple[str, str, bool]]:
+    if not isinstance(element.tag, str) or (tag := shown_tag(element)) in _ASIDE:
+        return
+    for name, value in element.attrib.items():
+        if name in _LENGTHS:
+            # The axis of a joint is told as xyz as well.
+            yield "angle" if tag in ("axis", "axis2") else "length", str(value), False
+        elif name in _ANGLES:
+            yield "angle", str(value), in_degrees and name == "euler"
+        elif name in _BOTH:
+            yield "pose", str(value), False
+    if tag == "pose":
+        quaternion = element.get("rotation_format") == "quat_xyzw"
+        yield "pose", element.text or "", element.get("degrees") == "true" and not quaternion
+    elif tag == "xyz":
+        yield "angle", element.text or "", False
+    for child in element:
+        yield from _texts_within(child, in_degrees=in_degrees)
 
 
 def _half_unit(number: re.Match[str]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -106,6 +107,16 @@ class UrdfElements(ElementReader):
         super().__init__(path)
         self.root = read_xml(path)
         self.notes: list[Note] = []
+
+    @cached_property
+    def told_materials(self) -> dict[str | None, etree._Element]:
+        """First material of each name that says what it looks like."""
+        return {e.get("name"): e for e in reversed(list(self.root.iter("material"))) if len(e)}
+
+    @cached_property
+    def used_materials(self) -> set[str | None]:
+        """Names of the materials that stand in shapes."""
+        return {e.get("name") for e in self.root.iter("material") if e.getparent() is not self.root}
 
     def origin(self, element: etree._Element, owner: str, tag: str = "origin") -> pin.SE3:
         """Read the placement that an ``<origin>`` inside an element gives.
@@ -404,8 +415,7 @@ def _material(reader: UrdfElements, element: etree._Element, owner: str) -> Mate
     name = element.get("name", "")
     told = element
     if name and not len(element):
-        same = (e for e in reader.root.iter("material") if e.get("name") == name and len(e))
-        told = next(same, element)
+        told = reader.told_materials.get(name, element)
     color, texture = (reader.optional(told, tag, owner) for tag in ("color", "texture"))
     red, green, blue, opacity = (
         (None,) * 4 if color is None else map(float, reader.numbers(color, "rgba", 4, owner))
@@ -434,8 +444,7 @@ def is_used(reader: UrdfElements, material: etree._Element) -> bool:
     bool
         Whether any names it.
     """
-    same = [e for e in reader.root.iter("material") if e.get("name") == material.get("name")]
-    return any(element.getparent() is not reader.root for element in same)
+    return material.get("name") in reader.used_materials
 
 
 def _folder(reader: UrdfElements) -> str:

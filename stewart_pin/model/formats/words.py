@@ -9,10 +9,11 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import lru_cache
 
 from lxml import etree
 
-from stewart_pin.errors import StewartPinError
+from stewart_pin.errors import FileFormatError, StewartPinError
 from stewart_pin.model.description import Note
 from stewart_pin.model.formats.xml import ElementReader, shown_tag
 
@@ -57,13 +58,13 @@ _LONGEST_KEY = 3
 """Tags of the longest key of a grammar."""
 
 
-def words_of(element: etree._Element, grammar: Grammar) -> Words | None:
+def words_of(path: tuple[str, ...], grammar: Grammar) -> Words | None:
     """Find the words of an element.
 
     Parameters
     ----------
-    element
-        The element.
+    path
+        Tags that lead to it, its own the last.
     grammar
         Table of the format.
 
@@ -72,13 +73,8 @@ def words_of(element: etree._Element, grammar: Grammar) -> Words | None:
     Words or None
         By the longest key that fits; None: nobody reads it.
     """
-    above = [shown_tag(element)]
-    for parent in element.iterancestors():
-        if len(above) == _LONGEST_KEY:
-            break
-        above.insert(0, shown_tag(parent))
-    for start in range(len(above)):
-        found = grammar.get("/".join(above[start:]))
+    for start in range(len(path)):
+        found = grammar.get("/".join(path[start:]))
         if found is not None:
             return found
     return None
@@ -105,20 +101,25 @@ def check_words(
     FileFormatError
         With the line of the word, and the one that is meant.
     """
-    waiting = [root]
+    above = [shown_tag(each) for each in root.iterancestors()][::-1]
+    waiting = [(root, (*above, shown_tag(root))[-_LONGEST_KEY:])]
     while waiting:
-        element = waiting.pop()
-        words = words_of(element, grammar)
+        element, path = waiting.pop()
+        words = words_of(path, grammar)
         if words is None:
             continue
-        children = list(element.iterchildren(etree.Element))
-        waiting += reversed(children)
         judge = _Judge(reader, element, words, note)
         for name in element.attrib:
             judge.attribute(str(name))
-        for child in children:
-            judge.child(child)
+        known: list[tuple[etree._Element, tuple[str, ...]]] = []
+        for child in element.iterchildren(etree.Element):
+            tag = shown_tag(child)
+            judge.child(child, tag)
+            below = (*path, tag)[-_LONGEST_KEY:]
+            if words_of(below, grammar) is not None:
+                known.append((child, below))
         judge.text()
+        waiting += reversed(known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,11 +136,11 @@ class _Judge:
             return
         what = f"attribute '{_shown(name, self.element)}' of <{shown_tag(self.element)}>"
         meant = meant_word(name, self.words.attributes)
-        self._stop(what, self.element, f"'{meant}'" if meant else "")
+        if self._stops(meant):
+            raise self._error(what, self.element, f"'{meant}'" if meant else "")
         self.note(self._at(self.element), f"{what}: unknown{f', is {meant!r} meant?' if meant else ''}")
 
-    def child(self, child: etree._Element) -> None:
-        tag = shown_tag(child)
+    def child(self, child: etree._Element, tag: str) -> None:
         if tag in self.words.tags:
             return
         if tag in self.words.noted:
@@ -147,7 +148,9 @@ class _Judge:
                 self.note(owner_of(self.element), f"<{tag}>: {self.words.noted[tag]}")
             return
         meant = meant_word(tag, self.words.tags)
-        self._stop(f"<{tag}> of <{shown_tag(self.element)}>", child, f"<{meant}>" if meant else "")
+        if self._stops(meant):
+            what = f"<{tag}> of <{shown_tag(self.element)}>"
+            raise self._error(what, child, f"<{meant}>" if meant else "")
         if not self.words.told_by_reader:
             self.note(self._at(child), f"<{tag}>: unknown tag{f', is <{meant}> meant?' if meant else ''}")
 
@@ -157,17 +160,20 @@ class _Judge:
         texts = [self.element.text, *(child.tail for child in self.element)]
         stray = next((text.strip() for text in texts if text and text.strip()), "")
         if stray:
-            self._stop(f"the text {stray[:40]!r} in <{shown_tag(self.element)}>", self.element, "")
+            if self._stops(""):
+                what = f"the text {stray[:40]!r} in <{shown_tag(self.element)}>"
+                raise self._error(what, self.element, "")
             self.note(self._at(self.element), f"the text in <{shown_tag(self.element)}>: unknown")
 
-    def _stop(self, what: str, at: etree._Element, meant: str) -> None:
+    def _stops(self, meant: str) -> bool:
         strange = self.words.strange
-        if strange is Strange.TOLD or (strange is Strange.NOTED and not meant):
-            return
+        return strange is Strange.REFUSED or (strange is Strange.NOTED and bool(meant))
+
+    def _error(self, what: str, at: etree._Element, meant: str) -> FileFormatError:
         known = [*self.words.attributes, *(f"<{tag}>" for tag in self.words.tags)]
         remedy = f"is {meant} meant?" if meant else f"it may have {', '.join(known) or 'nothing'}"
         owner = owner_of(self.element)
-        raise self.reader.error(f"{owner}: {what} (line {at.sourceline}) is not understood; {remedy}", owner)
+        return self.reader.error(f"{owner}: {what} (line {at.sourceline}) is not understood; {remedy}", owner)
 
     def _at(self, at: etree._Element) -> str:
         return f"{owner_of(self.element)}, line {at.sourceline}"
@@ -225,9 +231,23 @@ def meant_word(word: str, known: Collection[str]) -> str:
         neighbours exchanged; empty: none does.
     """
     plain = _plain(word)
+    longest, shortened = _shortened_words(tuple(known))
+    # Of two words that differ by one slip, one with a letter less is the other, or is it with a letter less, too.
+    if len(plain) > longest + 1 or shortened.isdisjoint(_shortened(plain)):
+        return ""
     return next((each for each in known if _plain(each) == plain), "") or next(
         (each for each in known if _one_slip(plain, _plain(each))), ""
     )
+
+
+@lru_cache(maxsize=256)
+def _shortened_words(known: tuple[str, ...]) -> tuple[int, frozenset[str]]:
+    plain = [_plain(each) for each in known]
+    return max(map(len, plain), default=0), frozenset(short for each in plain for short in _shortened(each))
+
+
+def _shortened(word: str) -> list[str]:
+    return [word, *(word[:k] + word[k + 1 :] for k in range(len(word)))]
 
 
 def _plain(word: str) -> str:

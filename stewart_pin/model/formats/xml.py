@@ -54,9 +54,11 @@ def read_xml(path: Path) -> etree._Element:
     MissingExtraError
         If the file has tags of xacro, which is not installed.
     """
-    root = _parse(path, _COMMENT.sub(_blank, _read_text(path)))
-    if path.suffix.lower() != ".xacro" and not any(
-        shown_tag(element).startswith("xacro:") for element in root.iter(etree.Element)
+    text = _COMMENT.sub(_blank, _read_text(path))
+    root = _parse(path, text)
+    if path.suffix.lower() != ".xacro" and not (
+        "<xacro:" in text
+        and any(shown_tag(element).startswith("xacro:") for element in root.iter(etree.Element))
     ):
         return root
     expanded = _parse(path, _COMMENT.sub(_blank, _expand(path)))
@@ -444,7 +446,8 @@ _HARMLESS = {
     "passive_joint": "motors are the joints marked independent",
     "virtual_joint": "the root link is the ground",
 }
-_LOOP_WORDS = ("loop", "constraint", "closure", "closing", "coupling", "connect", "weld", "mimic", "equality")
+_LOOP = re.compile("loop|constraint|closure|closing|coupling|connect|weld|mimic|equality")
+_LOOP_OR_JOINT = re.compile(f"{_LOOP.pattern}|joint")
 _UNEXPANDED = {
     "xacro": "expand the file with xacro first",
     "xi": "put the included text into the file",
@@ -492,15 +495,13 @@ def reason_to_ignore(reader: ElementReader, element: etree._Element, owner: str)
 
 def _may_close_a_loop(element: etree._Element, name: str, *, is_outermost: bool) -> bool:
     if is_outermost:
-        return name == "link" or (
-            name not in _HARMLESS and any(word in name for word in (*_LOOP_WORDS, "joint"))
-        )
+        return name == "link" or (name not in _HARMLESS and bool(_LOOP_OR_JOINT.search(name)))
     if name == "plugin":
         words = (element.get("filename", "") + element.get("name", "")).lower()
         return "detachable" in words
     if next(element.iterancestors("plugin"), None) is not None:
         return "mimic" in name
-    if any(word in name for word in _LOOP_WORDS):
+    if _LOOP.search(name):
         return True
     # Plugins list joints by name only; a joint of a simulator's model has a type, or links.
     return name == "joint" and ("type" in element.attrib or element.find("child") is not None)
