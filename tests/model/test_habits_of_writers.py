@@ -70,6 +70,43 @@ def test_both_halves_of_an_inertia(tmp_path: Path) -> None:
         stp.load(write(tmp_path, robot(*ARM, both.format("-0.1"))))
 
 
+def test_an_inertia_may_name_the_entries_below_its_diagonal(tmp_path: Path) -> None:
+    chain = stp.load(write(tmp_path, robot(*ARM, leaf(1, 1, "0.2").replace("ixz=", "izx="))))
+    body = chain.mechanism.link("tip").inertia
+    assert body is not None and body.inertia[0, 2] == body.inertia[2, 0] == 0.2
+    assert "izx of <inertia>: read as ixz (link 'tip')" in str(chain.report)
+    with pytest.raises(FileFormatError, match="lacks 'ixz'"):
+        stp.load(write(tmp_path, robot(*ARM, leaf(1, 1).replace('ixz="0" ', ""))))
+
+
+def test_words_of_newer_versions_of_urdf(tmp_path: Path) -> None:
+    """Of 1.1 quaternions, of 1.2 limits of acceleration and jerk."""
+    text = robot(*ARM, attributes='version="1.2"').replace(
+        'xyz="1 0 0"/>',
+        'xyz="1 0 0" quat_xyzw="0 0 2 2"/><limit acceleration="5" deceleration="4" jerk="7"/>',
+    )
+    chain = stp.load(write(tmp_path, text))
+    (elbow,) = (joint for joint in chain.mechanism.joints if joint.name == "elbow")
+    np.testing.assert_allclose(elbow.placement.rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+    at = chain.limits.names.index("elbow")
+    np.testing.assert_array_equal(chain.limits.acceleration[at], [-4, 4])
+    np.testing.assert_array_equal(chain.limits.jerk[at], [-7, 7])
+    assert "deceleration>: accelerations are limited alike to both sides, to 4" in str(chain.report)
+    with pytest.raises(FileFormatError, match=r"quat_xyzw> .* stands beside rpy"):
+        stp.load(write(tmp_path, text.replace("quat_xyzw=", 'rpy="0 0 1" quat_xyzw=')))
+    with pytest.raises(FileFormatError, match=r"quat_xyzw> .* is of length zero"):
+        stp.load(write(tmp_path, text.replace("0 0 2 2", "0 0 0 0")))
+
+
+@pytest.mark.parametrize("version", ["1.0", "1.1", "1.2"])
+def test_an_unknown_version_of_urdf_is_told(tmp_path: Path, version: str) -> None:
+    assert "version" not in str(
+        stp.load(write(tmp_path, robot(*ARM, attributes=f'version="{version}"'))).report
+    )
+    other = robot(*ARM, attributes=f'version="{version}.1"')
+    assert f"version '{version}.1': read as 1.2, the newest" in str(stp.load(write(tmp_path, other)).report)
+
+
 @pytest.mark.parametrize("interface", ["PassiveJointInterface", "hardware_interface/PassiveJointInterface"])
 def test_a_passive_transmission_drives_nothing(tmp_path: Path, interface: str) -> None:
     kinds = {"shoulder": "EffortJointInterface", "elbow": interface}

@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stewart_pin.errors import StewartPinError
+from stewart_pin.errors import FileFormatError, StewartPinError
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.formats.sdf import read_sdf
 from tests.model.sdf_reading import position, read, standing
-from tests.small_sdf import HOLD, frame, joint, link, sdf, write
+from tests.small_sdf import BODY, HOLD, frame, joint, link, sdf, write
 
 
 def test_links_stand_in_the_model_and_the_model_in_the_world(tmp_path: Path) -> None:
@@ -125,6 +125,17 @@ def test_the_frame_of_the_model_goes_with_its_canonical_link(
     )
     assert mechanism.joint("f_frame").parent == carrier
     np.testing.assert_array_equal(position(mechanism, "f"), [1, 2, 3])
+
+
+def test_an_inertia_may_name_the_entries_below_its_diagonal(tmp_path: Path) -> None:
+    below, above = (
+        read(tmp_path, link("a", content=text)).link("a").inertia
+        for text in (BODY.replace("ixz", "izx"), BODY)
+    )
+    assert below is not None and above is not None
+    np.testing.assert_array_equal(below.inertia, above.inertia)
+    with pytest.raises(FileFormatError, match=r"ixy and iyx of <inertia> .* differ"):
+        read(tmp_path, link("a", content=BODY.replace("<ixy>", "<iyx>0.3</iyx><ixy>")))
 
 
 def test_frames_may_be_the_platform(tmp_path: Path) -> None:

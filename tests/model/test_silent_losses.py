@@ -229,3 +229,31 @@ def test_the_page_of_words_is_that_of_the_readers() -> None:
 def test_every_tag_that_a_dialect_claims_has_its_words() -> None:
     unknown = [tag for tag in claimed_tags() if f"`<{tag.partition('/')[2]}>`" not in words_page.page()]
     assert unknown == []
+
+
+MISPLACED = {
+    "axis in a link": (link("s", '<axis xyz="0 0 1"/>'), "link 's': <axis>", "<link>; put it into a <joint>"),
+    "mass in a link": (link("s", '<mass value="1"/>'), "link 's': <mass>", "into the <inertial> of a <link>"),
+    "mass in a shape": (link("s", '<collision><mass value="1"/></collision>'), "<mass>", "<collision>; put it into"),
+    "inertial of the file": ("<inertial/>", "<inertial>", "<robot>; put it into a <link>"),
+    "limit in a link": (link("s", '<limit lower="1"/>'), "link 's': <limit>", "into a <joint>"),
+    "inertial in a joint": (joint("j", "base", "s", content="<inertial/>"), "joint 'j': <inertial>", "into a <link>"),
+    "origin in a limit": (
+        joint("j", "base", "s", content='<limit lower="0"><origin xyz="1 0 0"/></limit>'),
+        "joint 'j': <origin>", "<limit>; put it into a <joint>, an <inertial> or a shape",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("content", "word", "remedy"), MISPLACED.values(), ids=MISPLACED)
+def test_known_words_at_a_wrong_place_are_refused(
+    tmp_path: Path, content: str, word: str, remedy: str
+) -> None:
+    with pytest.raises(FileFormatError, match=f"{word} \\(line 3\\) means nothing in .*{remedy}"):
+        stp.load(write(tmp_path, robot(*ARM, "\n\n", content)))
+
+
+def test_an_origin_of_a_link_is_told(tmp_path: Path) -> None:
+    text = robot(*ARM).replace('<link name="arm">', '<link name="arm"><origin xyz="0 0 1"/>')
+    report = str(stp.load(write(tmp_path, text)).report)
+    assert "<origin>: a link stands where its joint places it (link 'arm')" in report

@@ -48,6 +48,7 @@ from stewart_pin.model.unfolding import cut_second_parents
 
 
 _WORLD = "world"
+_VERSIONS = ("1.0", "1.1", "1.2")
 _MARKED = "motors are the joints marked independent"
 
 
@@ -174,6 +175,10 @@ class _UrdfReader(UrdfElements):
                 "other file adds loops to, or absent",
                 "<robot>",
             )
+        version = self.root.get("version", _VERSIONS[0])
+        if version not in _VERSIONS:
+            text = f"version '{version}': read as {_VERSIONS[-1]}, the newest that is known"
+            self.note("the file", text, Outcome.CHANGED)
         found: list[_Found] = []
         for element in self.root.iterchildren(etree.Element):
             tag = shown_tag(element)

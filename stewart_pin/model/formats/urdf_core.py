@@ -23,13 +23,12 @@ from stewart_pin.model.formats.precision import moved_by_digits, within_digits
 from stewart_pin.model.formats.urdf_elements import (
     BOTH_SIDES,
     CONES,
-    INERTIA_ENTRIES,
     LIMITS,
     SHAPE_TAGS,
     UrdfElements,
     read_shapes,
 )
-from stewart_pin.model.formats.xml import UNLIMITED
+from stewart_pin.model.formats.xml import INERTIA_ENTRIES, MIRRORED, UNLIMITED
 from stewart_pin.model.unfolding import Unfolded, unfold_cylindrical, unfold_planar, unfold_universal
 from stewart_pin.typing import FloatArray
 
@@ -76,17 +75,17 @@ def read_link(reader: UrdfElements, element: etree._Element) -> Parts:
 def _inertia(reader: UrdfElements, inertial: etree._Element, owner: str) -> pin.Inertia:
     mass_element, entries = reader.child(inertial, "mass", owner), reader.child(inertial, "inertia", owner)
     mass = float(reader.numbers(mass_element, "value", 1, owner)[0])
+    names = [key for key in (*INERTIA_ENTRIES, *MIRRORED) if key in entries.attrib]
+    found = {key: float(reader.numbers(entries, key, 1, owner)[0]) for key in names}
+    found, told = reader.whole_inertia(found, entries.sourceline, owner)
+    for text in told:
+        reader.note(owner, text, Outcome.CHANGED)
     matrix = np.empty((3, 3))
     for key, (i, j) in INERTIA_ENTRIES.items():
-        matrix[i, j] = matrix[j, i] = reader.numbers(entries, key, 1, owner)[0]
-        mirrored = _swapped(key)
-        if mirrored in entries.attrib and reader.numbers(entries, mirrored, 1, owner)[0] != matrix[i, j]:
-            raise reader.error(
-                f"{owner}: {key} and {mirrored} of <inertia> (line {entries.sourceline}) differ; "
-                f"an inertia is symmetric, remove {mirrored}",
-                owner,
-            )
-    matrix, moved = within_digits(matrix, (entries.get(key, "") for key in INERTIA_ENTRIES))
+        if key not in found:
+            reader.text(entries, key, owner)  # says that it is missing
+        matrix[i, j] = matrix[j, i] = found[key]
+    matrix, moved = within_digits(matrix, (entries.get(key, "") for key in names))
     if moved:
         reader.note(owner, moved_by_digits(moved), Outcome.CHANGED)
     placement = reader.origin(inertial, owner)
@@ -97,11 +96,6 @@ def _inertia(reader: UrdfElements, inertial: etree._Element, owner: str) -> pin.
     inertia = pin.Inertia(mass, placement.translation, np.zeros((3, 3)))
     inertia.inertia = (turned + turned.T) / 2
     return inertia
-
-
-def _swapped(key: str) -> str:
-    """Name the entry on the other side of the diagonal: iyx for ixy."""
-    return f"i{key[2]}{key[1]}"
 
 
 def read_joint(reader: UrdfElements, element: etree._Element) -> Parts:

@@ -13,13 +13,19 @@ from stewart_pin.errors import FileFormatError
 from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Note, Outcome
 from stewart_pin.model.formats.words import Strange, Words
-from stewart_pin.model.formats.xml import ElementReader, read_xml, reason_to_ignore, shown_tag
+from stewart_pin.model.formats.xml import (
+    INERTIA_ENTRIES,
+    MIRRORED,
+    PLACED_BY_JOINT,
+    ElementReader,
+    read_xml,
+    reason_to_ignore,
+    shown_tag,
+)
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, fault_of_sizes
 from stewart_pin.tolerances import NO_DIRECTION
 from stewart_pin.typing import FloatArray
 
-INERTIA_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-"""Attributes of ``<inertia>`` and their places in the matrix."""
 BOTH_SIDES = ("effort", "velocity", "acceleration", "jerk")
 """Limits of which a file gives one number for both directions."""
 LIMITS = ("lower", "upper", *BOTH_SIDES, *(f"least_{key}" for key in BOTH_SIDES), "deceleration")
@@ -29,29 +35,39 @@ CONES = ("swing", "turn")
 
 _LOOK = Strange.TOLD
 _FRICTION = "friction and damping are arguments of the simulation"
+_ELSEWHERE = {
+    "inertial": "a <link>",
+    **dict.fromkeys(("mass", "inertia"), "the <inertial> of a <link>"),
+    **dict.fromkeys(("parent", "child", "axis", "axis2", "limit"), "a <joint>"),
+    "origin": "a <joint>, an <inertial> or a shape",
+}
+"""What moves or loads the mechanism where it belongs, and nothing anywhere else."""
 _MATERIAL = Words(("name",), ("color", "texture"), strange=_LOOK)
 CORE = {
     "robot": Words(
-        ("loops",),
+        ("loops", "version"),
         ("link", "joint", "material", "group_state", "end_effector", "gravity", "odd_inertia"),
-        {"@name": "name of the robot", "@version": "of the format"},
+        {"@name": "name of the robot"},
+        elsewhere=_ELSEWHERE,
         strange=Strange.NOTED,
         told_by_reader=True,
     ),
     "robot/link": Words(
         ("name",),
         ("inertial", "visual", "collision"),
-        {"@type": "a word of old files"},
+        {"@type": "a word of old files", "origin": PLACED_BY_JOINT},
+        elsewhere=_ELSEWHERE,
         strange=Strange.NOTED,
         told_by_reader=True,
     ),
     "inertial": Words((), ("origin", "mass", "inertia")),
     "inertial/mass": Words(("value",)),
-    "inertial/inertia": Words((*INERTIA_ENTRIES, "iyx", "izx", "izy")),
-    "origin": Words(("xyz", "rpy")),
+    "inertial/inertia": Words((*INERTIA_ENTRIES, *MIRRORED)),
+    "origin": Words(("xyz", "rpy", "quat_xyzw")),
     "robot/joint": Words(
         ("name", "type", "independent"),
         ("parent", "child", "origin", "axis", "axis2", "limit"),
+        elsewhere=_ELSEWHERE,
         strange=Strange.NOTED,
         told_by_reader=True,
     ),
@@ -59,9 +75,17 @@ CORE = {
     "joint/child": Words(("link",)),
     "axis": Words(("xyz",)),
     "axis2": Words(("xyz",)),
-    "limit": Words((*LIMITS, *CONES), strange=Strange.NOTED, told_by_reader=True),
-    "visual": Words((), ("origin", "geometry", "material"), {"@name": "name of a shape"}, strange=_LOOK),
-    "collision": Words((), ("origin", "geometry"), {"@name": "name of a shape"}, strange=_LOOK),
+    "limit": Words((*LIMITS, *CONES), elsewhere=_ELSEWHERE, strange=Strange.NOTED, told_by_reader=True),
+    "visual": Words(
+        (),
+        ("origin", "geometry", "material"),
+        {"@name": "name of a shape"},
+        elsewhere=_ELSEWHERE,
+        strange=_LOOK,
+    ),
+    "collision": Words(
+        (), ("origin", "geometry"), {"@name": "name of a shape"}, elsewhere=_ELSEWHERE, strange=_LOOK
+    ),
     "geometry": Words((), (*ShapeKind, "drake:capsule", "drake:ellipsoid"), strange=_LOOK),
     "geometry/box": Words(("size",), strange=_LOOK),
     "geometry/cylinder": Words(("radius", "length"), strange=_LOOK),
@@ -141,7 +165,7 @@ class UrdfElements(ElementReader):
         return self.pose(origin, owner)
 
     def pose(self, element: etree._Element, owner: str) -> pin.SE3:
-        """Read the attributes ``xyz`` and ``rpy`` of an element.
+        """Read the attributes ``xyz`` and ``rpy``, or ``quat_xyzw``, of an element.
 
         Parameters
         ----------
@@ -156,7 +180,16 @@ class UrdfElements(ElementReader):
             The placement; what is absent is zero.
         """
         xyz = self.numbers(element, "xyz", 3, owner, default="0 0 0")
-        return pin.SE3(rotation_from_rpy(*self.numbers(element, "rpy", 3, owner, default="0 0 0")), xyz)
+        if "quat_xyzw" not in element.attrib:
+            return pin.SE3(rotation_from_rpy(*self.numbers(element, "rpy", 3, owner, default="0 0 0")), xyz)
+        where = f"{owner}: <{shown_tag(element)} quat_xyzw> (line {element.sourceline})"
+        if "rpy" in element.attrib:
+            raise self.error(f"{where} stands beside rpy; keep one of them", owner)
+        quaternion = self.numbers(element, "quat_xyzw", 4, owner)
+        size = np.linalg.norm(quaternion)
+        if size < NO_DIRECTION:
+            raise self.error(f"{where} is of length zero; write '0 0 0 1' for no rotation", owner)
+        return pin.SE3(pin.Quaternion(quaternion / size).matrix(), xyz)
 
     def axis(self, element: etree._Element, owner: str, tag: str, default: str) -> FloatArray:
         """Read a direction.

@@ -14,8 +14,8 @@ from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
 from stewart_pin.geometry.rotations import rpy_from_rotation
 from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import COMPLETE, find_beside, write_files
-from stewart_pin.model.formats.urdf_elements import INERTIA_ENTRIES, SIZE_ATTRIBUTES
-from stewart_pin.model.formats.xml import UNLIMITED, number_text
+from stewart_pin.model.formats.urdf_elements import SIZE_ATTRIBUTES
+from stewart_pin.model.formats.xml import INERTIA_ENTRIES, UNLIMITED, number_text
 from stewart_pin.model.shapes import Material, MaterialNames, Shape, ShapeKind, path_from, rounded_as_three
 
 # ----------------------------------------------------------------------------------------------------

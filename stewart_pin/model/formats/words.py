@@ -38,6 +38,8 @@ class Words:
         Children that are known and not read, with the reason; attributes (``@name``) that are names for people.
     text
         Whether the text inside it is read.
+    elsewhere
+        Children that mean something inside another element alone, and which that is: refused.
     strange
         What becomes of all else.
     told_by_reader
@@ -48,6 +50,7 @@ class Words:
     tags: tuple[str, ...] = ()
     noted: Mapping[str, str] = field(default_factory=dict)
     text: bool = False
+    elsewhere: Mapping[str, str] = field(default_factory=dict)
     strange: Strange = Strange.REFUSED
     told_by_reader: bool = False
 
@@ -147,6 +150,13 @@ class _Judge:
             if not self.words.told_by_reader:
                 self.note(owner_of(self.element), f"<{tag}>: {self.words.noted[tag]}")
             return
+        if tag in self.words.elsewhere:
+            owner = owner_of(self.element)
+            raise self.reader.error(
+                f"{owner}: <{tag}> (line {child.sourceline}) means nothing in <{shown_tag(self.element)}>; put it into "
+                f"{self.words.elsewhere[tag]}, or remove it",
+                owner,
+            )
         meant = meant_word(tag, self.words.tags)
         if self._stops(meant):
             what = f"<{tag}> of <{shown_tag(self.element)}>"

@@ -410,6 +410,51 @@ class ElementReader:
             raise self.error(f"{where} must be finite, at most {UNLIMITED:g}; got {_short(text)}", culprit)
         return values
 
+    def whole_inertia(
+        self, found: dict[str, float], line: int | None, owner: str
+    ) -> tuple[dict[str, float], tuple[str, ...]]:
+        """Give entries of an ``<inertia>`` that stand below its diagonal their names above it.
+
+        Parameters
+        ----------
+        found
+            Entries that the file holds, by name [kg m²].
+        line
+            Line of the element.
+        owner
+            Named in the message.
+
+        Returns
+        -------
+        whole : dict
+            By the names of `INERTIA_ENTRIES`, those that the file holds [kg m²].
+        told : tuple of str
+            Which were named otherwise, for the report.
+
+        Raises
+        ------
+        FileFormatError
+            If both stand there and differ.
+        """
+        whole = {key: value for key, value in found.items() if key not in MIRRORED}
+        for mirrored, key in MIRRORED.items():
+            if mirrored in found and whole.setdefault(key, found[mirrored]) != found[mirrored]:
+                raise self.error(
+                    f"{owner}: {key} and {mirrored} of <inertia> (line {line}) differ; "
+                    f"an inertia is symmetric, remove {mirrored}",
+                    owner,
+                )
+        told = [
+            (mirrored, key) for mirrored, key in MIRRORED.items() if mirrored in found and key not in found
+        ]
+        return whole, tuple(f"{mirrored} of <inertia>: read as {key}" for mirrored, key in told)
+
+
+INERTIA_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+"""Entries of ``<inertia>`` and their places in the matrix."""
+MIRRORED = {"iyx": "ixy", "izx": "ixz", "izy": "iyz"}
+"""Names of entries below the diagonal, and of the same above it."""
+
 
 def _short(text: str) -> str:
     return repr(text if len(text) <= 60 else text[:57] + "...")
@@ -425,7 +470,10 @@ DIALECTS = (
 )
 """Loop syntaxes that `load` understands."""
 
+PLACED_BY_JOINT = "a link stands where its joint places it"
+"""Why an ``<origin>`` of a link, which published files have, is not read."""
 _HARMLESS = {
+    "origin": PLACED_BY_JOINT,
     "visual": "for viewers",
     "collision": "collision shapes",
     "material": "colours are for viewers",

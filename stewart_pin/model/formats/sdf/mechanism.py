@@ -28,12 +28,11 @@ from stewart_pin.model.formats.sdf.frames import WORLD, Scope
 from stewart_pin.model.formats.sdf.joints import Axis, SdfJoint, ends, link_pose, read_joint
 from stewart_pin.model.formats.sdf.models import open_document
 from stewart_pin.model.formats.sdf.tree import Float, grow_tree, is_gearbox, read_gearbox, read_mimics
-from stewart_pin.model.formats.xml import shown_tag
+from stewart_pin.model.formats.xml import INERTIA_ENTRIES, MIRRORED, shown_tag
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, fault_of_sizes
 from stewart_pin.model.validation import keep_odd_inertias
 from stewart_pin.tolerances import NO_DIRECTION
 
-_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 _PLATFORM = "platform"
 
 
@@ -239,9 +238,16 @@ def _inertia(reader: SdfReader, element: etree._Element, owner: str) -> pin.Iner
     entries = reader.optional(inertial, "inertia", owner)
     matrix = np.eye(3)
     if entries is not None:
-        reader.note_strangers(entries, owner, set(_ENTRIES))
-        for key, (i, j) in _ENTRIES.items():
-            matrix[i, j] = matrix[j, i] = reader.number(entries, key, owner, "1" if i == j else "0")
+        known = (*INERTIA_ENTRIES, *MIRRORED)
+        reader.note_strangers(entries, owner, known)
+        there = [key for key in known if entries.find(key) is not None]
+        found = {key: reader.number(entries, key, owner, "1" if key[1] == key[2] else "0") for key in there}
+        whole, told = reader.whole_inertia(found, entries.sourceline, owner)
+        for text in told:
+            reader.note(owner, text, Outcome.CHANGED)
+        for key, value in whole.items():
+            i, j = INERTIA_ENTRIES[key]
+            matrix[i, j] = matrix[j, i] = value
         texts = (child.text or "" for child in entries if isinstance(child.tag, str))
         matrix, moved = within_digits(matrix, texts)
         if moved:

@@ -39,7 +39,7 @@ from stewart_pin.model.description import (
 from stewart_pin.model.formats.dialect import write_files
 from stewart_pin.model.formats.sdf.elements import OWN, OWN_LIMIT, OWN_PREFIX, SPANS, own
 from stewart_pin.model.formats.sdf.frames import WORLD, coordinates_between, motion
-from stewart_pin.model.formats.xml import number_text
+from stewart_pin.model.formats.xml import INERTIA_ENTRIES, number_text
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, path_from
 from stewart_pin.model.unfolding import fixed_to, unfold_screw
 from stewart_pin.typing import FloatArray
@@ -54,7 +54,6 @@ _TYPES = {
     JointKind.UNIVERSAL: "universal",
 }
 _AXES = ("axis", "axis2")
-_INERTIA = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 _SAME_COUPLING = 1e-12
 """Constant of a coupling between displacements from home, in its own terms, that is round-off."""
 
@@ -315,7 +314,7 @@ class _SdfWriter:
         _write_pose(inertial, pin.SE3(np.eye(3), inertia.lever))
         etree.SubElement(inertial, "mass").text = number_text([inertia.mass])
         entries = etree.SubElement(inertial, "inertia")
-        for key, at in _INERTIA.items():
+        for key, at in INERTIA_ENTRIES.items():
             etree.SubElement(entries, key).text = number_text([inertia.inertia[at]])
 
     def _float(self, element: etree._Element, joint: Joint) -> None:
