@@ -83,3 +83,20 @@ def test_those_of_kernels_as_well() -> None:
     kernels = stp.compile_kernels(robot("four_bar"), coordinates="motor", engine="numpy")
     with pytest.raises(InputError, match="must be an array of numbers, got str"):
         kernels.inverse_dynamics("home", [0.0], [0.0])  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda c: stp.planar_assembly_modes(c, np.ones(3)),
+        lambda c: stp.planar.planar_leg_lengths(c, np.zeros(2), 0.0),
+        lambda c: stp.planar.planar_transition_lengths(c, np.ones(3), 0),
+    ],
+)
+def test_closed_forms_of_planar_platforms_name_what_takes_a_chain(ask: Ask) -> None:
+    chain = robot("rpr_planar")
+    with pytest.raises(
+        InputError, match=r"takes a PlanarRPR, got ClosedChain; .* use planar\.planar_rpr\(chain\)"
+    ):
+        ask(chain)
+    assert isinstance(stp.planar.planar_rpr(chain), stp.PlanarRPR)

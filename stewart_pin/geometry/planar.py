@@ -246,6 +246,26 @@ class PlanarRPR(Brief):
         return cls(np.array([[0.0, 0.0], [x1, 0.0], [x2, y2]]), np.array([[0.0, 0.0], [l3, 0.0], third]))
 
 
+def require_planar(value: object) -> None:
+    """Refuse what is no geometry of a planar platform on three legs.
+
+    Parameters
+    ----------
+    value
+        What the caller passed.
+
+    Raises
+    ------
+    InputError
+        If it is something else, as a chain; says what takes one.
+    """
+    if not isinstance(value, PlanarRPR):
+        raise InputError(
+            f"planar: a closed form of planar platforms takes a PlanarRPR, got {type(value).__name__}; for a chain use "
+            "planar.planar_rpr(chain), or assembly_modes, inverse_kinematics and motor_jacobian, which take it"
+        )
+
+
 def planar_legs(planar: PlanarRPR, position: ArrayLike, angle: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Compute the vectors along the legs and the arms to the corners.
 
@@ -270,6 +290,7 @@ def planar_legs(planar: PlanarRPR, position: ArrayLike, angle: ArrayLike) -> tup
     InputError
         If a shape is wrong, or the batch shapes do not fit each other.
     """
+    require_planar(planar)
     position, angle = as_batch("position", position, (2,)), as_batch("angle", angle, ())
     try:
         np.broadcast_shapes(position.shape[:-1], angle.shape)

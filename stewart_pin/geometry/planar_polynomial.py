@@ -18,7 +18,14 @@ import numpy as np
 
 from stewart_pin.checks import as_array, as_batch
 from stewart_pin.errors import InputError
-from stewart_pin.geometry.planar import Equations, PlanarRPR, leg_system, strong_newton, valley_newton
+from stewart_pin.geometry.planar import (
+    Equations,
+    PlanarRPR,
+    leg_system,
+    require_planar,
+    strong_newton,
+    valley_newton,
+)
 from stewart_pin.tolerances import ROOT_BAND, ROUND_OFF
 from stewart_pin.typing import ArrayLike, BoolArray, ComplexArray, FloatArray, IntArray
 
@@ -102,6 +109,7 @@ def reduced_legs(planar: PlanarRPR, lengths: FloatArray) -> Legs:
     InputError
         If every point coincides and every length is zero.
     """
+    require_planar(planar)
     b = planar.anchors[:, 0] + 1j * planar.anchors[:, 1]
     d = planar.corners[:, 0] + 1j * planar.corners[:, 1]
     b, d = b - b[0], d - d[0]

@@ -12,6 +12,7 @@ from scipy.linalg import get_lapack_funcs
 from stewart_pin.checks import as_array
 from stewart_pin.errors import ClosureError, SingularityError, UnreachableError
 from stewart_pin.mechanics.forward_solutions import ForwardSolutions, all_forward_kinematics
+from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import as_pose
 from stewart_pin.state.freedom import TWIST_AXES, Motions, OwnMotion, split_motions
@@ -114,7 +115,7 @@ def inverse_kinematics(
     closure = follow_path(start, pose_path(start, pose))
     if not closure.success and throw:
         closure.or_raise(_said_of_platform(start))
-    return within_limits(closure, "the pose is", throw=throw) if limits else closure
+    return within_limits(closure, "the pose is", throw=throw, of_pose=True) if limits else closure
 
 
 @overload
@@ -401,7 +402,7 @@ def _freedoms_in_words(state: State) -> str:
     return f" (the platform '{state.chain.platform}' has {count} freedom{'s' * (count != 1)}{axes})"
 
 
-def within_limits(closure: Closure, demand: str, *, throw: bool) -> Closure:
+def within_limits(closure: Closure, demand: str, *, throw: bool, of_pose: bool = False) -> Closure:
     """Let a solution pass if the limits of its joints hold.
 
     Parameters
@@ -412,6 +413,8 @@ def within_limits(closure: Closure, demand: str, *, throw: bool) -> Closure:
         What was asked for, with its verb.
     throw
         Whether an excess raises; otherwise it is returned with ``success=False``.
+    of_pose
+        Whether a pose was asked for, which does not tell the whole turns of coupled joints.
 
     Returns
     -------
@@ -425,19 +428,32 @@ def within_limits(closure: Closure, demand: str, *, throw: bool) -> Closure:
     """
     if not closure.success:
         return closure
-    excesses = closure.state.chain.judge.positions(closure.q)
+    chain = closure.state.chain
+    excesses = chain.judge.positions(closure.q)
     if not excesses:
         return closure
     listed = "; ".join(map(str, excesses))
+    from_here = ""
+    if of_pose and any(excess.joint in _counting_turns(chain) for excess in excesses):
+        # They stay as near to the guess as they can; a whole turn on, gears stand elsewhere at the same pose.
+        listed += "; other whole turns of coupled joints were not tried: start there by q_guess"
+        from_here = " from this guess"
     if throw:
         raise UnreachableError(
-            f"{demand} out of reach, joints exceed their limits: {listed}; ask for another, or limits=False",
+            f"{demand} out of reach{from_here}, joints exceed their limits: {listed}; ask for another, or limits=False",
             violations={excess.joint: (excess.value, *excess.allowed) for excess in excesses},
             residual=closure.gap,
             iterations=closure.iterations,
             q=closure.q,
         )
     return replace(closure, success=False, reason=f"joints exceed their limits: {listed}")
+
+
+def _counting_turns(chain: ClosedChain) -> set[str]:
+    """Joints of couplings in which a hinge is: a pose leaves their whole turns open."""
+    joints = [coupling.joints for coupling in chain.mechanism.couplings]
+    hinges = {joint.name for joint in chain.mechanism.joints if joint.kind is JointKind.REVOLUTE}
+    return {name for names in joints if not hinges.isdisjoint(names) for name in names}
 
 
 def _start(chain: ClosedChain, q_guess: ArrayLike | None) -> State:

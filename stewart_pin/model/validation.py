@@ -262,12 +262,18 @@ class _Validator:
             for name, count in Counter(coupling.joints).items():
                 if count > 1:
                     raise self._error(coupling.name, f"{owner} couples joint '{name}' to itself")
-            ratios = np.array([ratio for _, ratio in coupling.others])
-            if not (np.isfinite(ratios).all() and ratios.all()) or (coupling.others and not coupling.joint2):
+            for name, ratio in coupling.others:
+                if not (np.isfinite(ratio) and ratio):
+                    raise self._error(
+                        coupling.name,
+                        f"{owner} follows joint '{name}' by the ratio {ratio:g} (<also ratio> in a URDF); give a "
+                        "finite one other than zero, or leave the joint out",
+                    )
+            if coupling.others and coupling.joint2 is None:
                 raise self._error(
                     coupling.name,
-                    f"{owner} follows others by the ratios {coupling.others}; give finite ones but zero, and a second "
-                    "joint first",
+                    f"{owner} follows joint '{coupling.others[0][0]}' beside others, and has no second joint (<leader> "
+                    "in a URDF); make one of them the second",
                 )
             numbers = np.asarray(coupling.polynomial, dtype=float)
             if numbers.ndim != 1 or not numbers.size or not np.isfinite(numbers).all():

@@ -10,11 +10,12 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
-from stewart_pin.errors import InputError, MechanismError, UnsupportedError
+from stewart_pin.errors import InputError, MechanismError, UnreachableError, UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Mechanism
 from stewart_pin.model.unfolding import unfold_cylindrical, unfold_planar, unfold_screw, unfold_universal
 from tests.closed_states import along, close, derivative, random_configuration, random_motion
 from tests.mechanisms import at, body, gear_train, turned
+from tests.zoo import table as zoo
 
 
 @pytest.fixture(params=["pinion", "wheel", "turn"])
@@ -195,6 +196,15 @@ def test_a_state_off_the_coupling_is_refused(chain: stp.ClosedChain) -> None:
         (Coupling("c", "wheel", "swing", ()), "finite coefficients"),
         (Coupling("c", "wheel", "swing", (0.0, np.nan)), "finite coefficients"),
         (Coupling("c", "wheel", None, (0.0, 1.0)), "constant alone"),
+        (
+            Coupling("c", "wheel", "swing", (0.0, 1.0), (("turn", 0.0),)),
+            r"coupling 'c' follows joint 'turn' by the ratio 0 .*or leave the joint out",
+        ),
+        (Coupling("c", "wheel", "swing", (0.0, 1.0), (("turn", np.inf),)), "by the ratio inf"),
+        (
+            Coupling("c", "wheel", None, (0.0,), (("turn", 2.0),)),
+            "follows joint 'turn' beside others, and has no second joint",
+        ),
         (Coupling("cam", "wheel", "swing", (0.0, 1.0)), "2 loop or couplings are called 'cam'"),
     ],
 )
@@ -202,3 +212,23 @@ def test_bad_couplings_are_refused(coupling: Coupling, words: str, rng: np.rando
     chain = gear_train(rng)
     with pytest.raises(MechanismError, match=words):
         build_chain(replace(chain.mechanism, couplings=(*chain.mechanism.couplings, coupling)))
+
+
+def test_limits_of_gears_hold_at_other_whole_turns_of_a_pose() -> None:
+    """The left gear may turn from -3 to 2 rad: with the spider at 3 rad it stands at 2.4, a turn back at -2.6."""
+    chain = stp.load(zoo.ROWS["bevel_differential"].file, platform="spider")
+    limited = stp.with_limits(chain, {"left_turn": {"position": (-3, 2)}})
+    home = stp.platform_pose(chain, chain.q_home)
+    pose = pin.SE3(home.rotation @ pin.AngleAxis(3.0, np.array([1.0, 0, 0])).matrix(), home.translation)
+    with pytest.raises(
+        UnreachableError, match=r"from this guess.*whole turns of coupled joints were not tried.*q_guess"
+    ):
+        stp.inverse_kinematics(limited, pose)
+    told = stp.inverse_kinematics(limited, pose, throw=False)
+    assert not told.success and "start there by q_guess" in told.reason
+    found = stp.inverse_kinematics(limited, pose, q_guess=[0, -2.4, 2.4, -3.0])
+    np.testing.assert_allclose(found.q, np.array([0, -0.8, 0.8, -1]) * (2 * np.pi - 3), atol=1e-12)
+    # Motors tell their turns: there, no other ones would do.
+    with pytest.raises(UnreachableError) as caught:
+        stp.forward_kinematics(limited, [0.0, 3.0])
+    assert "whole turns" not in str(caught.value)
