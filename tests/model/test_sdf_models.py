@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import stewart_pin as stp
 from stewart_pin.errors import FileFormatError, FileMissingError, UnsupportedError
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.formats.sdf import read_sdf
@@ -52,11 +53,33 @@ def test_the_model_with_joints_is_the_robot(tmp_path: Path) -> None:
     }
 
 
-def test_several_robots_are_listed(tmp_path: Path) -> None:
+def test_several_robots_of_a_world_are_one_mechanism(tmp_path: Path) -> None:
+    aside = "<pose>3 0 0 0 0 0</pose>"
+    text = world(model("one", *ARM), model("house", link("wall")), model("two", aside, *ARM, link("b")))
+    mechanism = read_sdf(write(tmp_path, text))
+    assert {(x.name, x.kind, x.parent) for x in mechanism.joints} == {
+        ("one::j", JointKind.REVOLUTE, "world"),
+        ("two::j", JointKind.REVOLUTE, "world"),
+        ("two::b_floating", JointKind.FLOATING, "world"),
+    }
+    np.testing.assert_array_equal(position(mechanism, "two::a"), [3, 0, 1])
+    told = {note.text for note in mechanism.notes}
+    assert told >= {
+        "<model> 'house': another model",
+        "models 'one', 'two': read as one mechanism, their links and joints as model::name",
+    }
+    chain = stp.load(tmp_path / "small.sdf", motors=["one::j"], platform="two::a")
+    assert chain.nv == 8
+    with pytest.raises(FileFormatError, match="are called 'one'; rename one"):
+        read_sdf(write(tmp_path, world(model("one", *ARM), model("one", *ARM))))
+
+
+def test_models_without_joints_are_listed(tmp_path: Path) -> None:
+    boxes = (model("one", link("a")), model("two", link("a")))
     with pytest.raises(
         FileFormatError, match=r"not one model.*'one', 'two'; load the file of the robot alone"
     ):
-        read_sdf(write(tmp_path, world(model("one", *ARM), model("two", *ARM))))
+        read_sdf(write(tmp_path, world(*boxes)))
     with pytest.raises(FileFormatError, match=r"not one model.*: none"):
         read_sdf(write(tmp_path, world()))
 
@@ -84,10 +107,31 @@ def test_a_world_may_hold_the_robot(tmp_path: Path) -> None:
     np.testing.assert_array_equal(position(mechanism, "tip", turn=np.pi), [0, 0, -1])
 
 
-def test_joints_to_another_model_are_refused(tmp_path: Path) -> None:
-    table = model("table", link("plate"))
-    with pytest.raises(FileFormatError, match=r"to the model 'table' by a <joint> \(line 1\); nest both"):
-        read_sdf(write(tmp_path, world(table, model("one", *ARM), joint("k", "table::plate", "one::a"))))
+def test_a_model_that_a_world_joins_to_the_robot_belongs_to_it(tmp_path: Path) -> None:
+    """It floats, and the joint closes a loop; a table that stands still is the ground."""
+    for attributes, extra in (("", 1), ("<static>true</static>", 0)):
+        table = model("table", attributes, link("plate", "0 0 1 0 0 0"))
+        text = world(table, model("one", *ARM), joint("k", "table::plate", "one::a"), version="1.10")
+        mechanism = read_sdf(write(tmp_path, text))
+        assert [(x.name, x.link1, x.link2) for x in mechanism.loops] == [("k", "table::plate", "one::a")]
+        floating = [x.name for x in mechanism.joints if x.kind is JointKind.FLOATING]
+        assert floating == ["table::plate_floating"] * extra
+
+
+def test_a_detachable_joint_holds_a_model_beside_the_robot(tmp_path: Path) -> None:
+    plugin = (
+        '<plugin filename="gz-sim-detachable-joint-system" name="gz::sim::systems::DetachableJoint">'
+        "<parent_link>a</parent_link><child_model>box</child_model><child_link>shell</child_link></plugin>"
+    )
+    box = model("box", "<pose>1 0 1 0 0 0</pose>", link("shell"))
+    text = world(model("arm", *ARM, plugin), box, model("house", link("wall")))
+    mechanism = read_sdf(write(tmp_path, text))
+    (loop,) = mechanism.loops
+    assert (loop.kind, loop.link1, loop.link2) == (JointKind.FIXED, "arm::a", "box::shell")
+    np.testing.assert_array_equal(loop.placement1.translation, [1, 0, 0])
+    assert stp.mobility(stp.load(tmp_path / "small.sdf")).dof == 1
+    with pytest.raises(FileFormatError, match="DetachableJoint"):
+        read_sdf(write(tmp_path, world(model("arm", *ARM, plugin))))
 
 
 def test_frames_of_a_world_place_models(tmp_path: Path) -> None:
@@ -205,11 +249,13 @@ def test_one_body_that_moves_is_the_robot_beside_static_ones(tmp_path: Path) -> 
     assert {x.name for x in mechanism.links} == {"world", "crate"}
 
 
-def test_robots_that_are_included_are_listed(tmp_path: Path) -> None:
+def test_robots_that_are_included_are_one_mechanism(tmp_path: Path) -> None:
     shelf(tmp_path)
     twice = ("<include><uri>arm</uri></include>", "<include><name>bob</name><uri>arm</uri></include>")
-    with pytest.raises(FileFormatError, match=r"not one model.*'arm', 'bob'"):
-        read_sdf(write(tmp_path, world(GROUND, *twice)))
+    mechanism = read_sdf(write(tmp_path, world(GROUND, *twice)))
+    assert {x.name for x in mechanism.links} == {"world", "small::a", "bob::a"}
+    with pytest.raises(FileFormatError, match="two models called 'small'; rename one"):
+        read_sdf(write(tmp_path, world(GROUND, twice[0], twice[0])))
     with pytest.raises(
         UnsupportedError, match=r"'model://leg' would be looked up.* its folder as 'leg' into"
     ):

@@ -52,8 +52,8 @@ _HARMLESS = {
 _BINDING_PLUGINS = ("mimic", "detachable", "attach", "gearbox", "constraint", "closed", "loop")
 
 
-def holds_own_links(plugin: etree._Element) -> bool:
-    """Tell whether a plugin of Gazebo is a DetachableJoint between two links of its own model: it closes a loop.
+def held_model(plugin: etree._Element) -> str | None:
+    """Tell whether a plugin of Gazebo is a DetachableJoint between links of this file: it closes a loop.
 
     Parameters
     ----------
@@ -62,16 +62,36 @@ def holds_own_links(plugin: etree._Element) -> bool:
 
     Returns
     -------
-    bool
-        Whether it is one; one that holds a link of another model is none.
+    str or None
+        Model beside its own one of which it holds a link, empty for its own; None where it is none, or holds a model of
+        another file.
     """
     names = " ".join(plugin.get(key, "") for key in ("name", "filename")).lower()
     model = plugin.getparent()
-    own = "" if model is None or shown_tag(model) != "model" else model.get("name", "")
-    return "detachable" in names and (plugin.findtext("child_model") or "").strip() in (
-        own or None,
-        "__model__",
-    )
+    held = (plugin.findtext("child_model") or "").strip()
+    if "detachable" not in names or not held or model is None:
+        return None
+    if held == "__model__" or (shown_tag(model) == "model" and held == model.get("name")):
+        return ""
+    world = model.getparent()
+    beside = [] if world is None or shown_tag(world) != "world" else [title(element) for element in world]
+    return held if held in beside else None
+
+
+def title(element: etree._Element) -> str:
+    """Name a ``<model>`` or an ``<include>``.
+
+    Parameters
+    ----------
+    element
+        The element.
+
+    Returns
+    -------
+    str
+        Its name, or else what it includes.
+    """
+    return (element.get("name") or element.findtext("name") or element.findtext("uri") or "").strip()
 
 
 def why_ignored(reader: ElementReader, element: etree._Element, owner: str) -> str:
@@ -99,7 +119,7 @@ def why_ignored(reader: ElementReader, element: etree._Element, owner: str) -> s
     tag = shown_tag(element)
     if tag != "plugin":
         return _HARMLESS.get(tag) or reason_to_ignore(reader, element, owner)
-    if holds_own_links(element):
+    if held_model(element) is not None:
         return "holds two links as they lie at rest: read as a loop, never detached"
     names = " ".join(element.get(key, "") for key in ("name", "filename"))
     inside = {shown_tag(inner).lower() for inner in element.iter(etree.Element)}

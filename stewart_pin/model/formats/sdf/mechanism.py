@@ -1,7 +1,7 @@
 """From an SDFormat file to a mechanism.
 
 A joint whose child link has a parent already closes a loop: Gazebo Classic's way. Drake's ``drake:ball_constraint``
-closes one as well, and so does a DetachableJoint of Gazebo that holds two links of one model. Poses are those of the
+closes one as well, and so does a DetachableJoint of Gazebo that holds two links of the file. Poses are those of the
 links at rest, so that every loop is closed while all joints are at zero.
 Shapes are read here too.
 
@@ -23,7 +23,7 @@ from lxml import etree
 from stewart_pin.errors import FileFormatError, UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Outcome
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
-from stewart_pin.model.formats.sdf.elements import SdfReader, holds_own_links, own
+from stewart_pin.model.formats.sdf.elements import SdfReader, held_model, own
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope
 from stewart_pin.model.formats.sdf.joints import Axis, SdfJoint, ends, link_pose, read_joint
 from stewart_pin.model.formats.sdf.models import open_document
@@ -44,7 +44,7 @@ def read_sdf(path: Path) -> Mechanism:
     Parameters
     ----------
     path
-        File with ``<sdf>`` as its root: one model, or a world in which one model has joints.
+        File with ``<sdf>`` as its root: one model, or a world; all models of a world that have joints are read, as one.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def read_sdf(path: Path) -> Mechanism:
     """
     document = open_document(path)
     model, notes = document.model, document.notes
-    scopes = model.models()
+    scopes = [scope for scope in model.models() if scope.element.tag == "model"]
     if model.static and any(scope.reader.children(scope.element, "joint") for scope in scopes):
         raise model.reader.error(
             f"{model.owner} is static, so that its joints cannot move; remove <static>, and hold its base by a fixed "
@@ -329,12 +329,13 @@ def _detachable_joints(scope: Scope, poses: dict[str, pin.SE3]) -> list[Loop]:
     """Read what holds a link of a model at another one as they lie at rest, until it is detached."""
     reader = scope.reader
     loops: list[Loop] = []
-    for number, element in enumerate(
-        filter(holds_own_links, reader.children(scope.element, "plugin")), start=1
-    ):
+    plugins = [(each, held_model(each)) for each in reader.children(scope.element, "plugin")]
+    for number, (element, held) in enumerate(((e, held) for e, held in plugins if held is not None), start=1):
         owner = f"DetachableJoint {number} (line {element.sourceline})"
+        other = scope.parent.nested[held] if held and scope.parent is not None else scope
         one, two = (
-            scope.body(reader.content(element, tag, owner), owner) for tag in ("parent_link", "child_link")
+            end.body(reader.content(element, tag, owner), owner)
+            for end, tag in ((scope, "parent_link"), (other, "child_link"))
         )
         placed = poses[one].actInv(poses[two])
         name = f"{scope.prefix}detachable_joint_{number}"

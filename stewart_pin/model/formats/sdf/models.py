@@ -9,8 +9,8 @@ from pathlib import Path, PurePosixPath
 from lxml import etree
 
 from stewart_pin.errors import FileFormatError, StewartPinError, UnsupportedError
-from stewart_pin.model.description import Note
-from stewart_pin.model.formats.sdf.elements import SdfReader, own, why_ignored
+from stewart_pin.model.description import Note, Outcome
+from stewart_pin.model.formats.sdf.elements import SdfReader, held_model, own, title, why_ignored
 from stewart_pin.model.formats.sdf.frames import Scope, check_names
 from stewart_pin.model.formats.xml import ElementReader, read_xml, shown_tag
 
@@ -122,7 +122,7 @@ class SdfDocument:
     Attributes
     ----------
     model
-        Its outermost model.
+        Its outermost model, or the world where several models are the robot.
     world
         The world around it, or None.
     gravity
@@ -153,7 +153,7 @@ def open_document(path: Path) -> SdfDocument:
     Raises
     ------
     FileFormatError
-        If the file is broken, or holds no model, or several.
+        If the file is broken, or holds no model, or several without joints.
     UnsupportedError
         If it includes a model that stands elsewhere than in the folder of the file.
     """
@@ -216,24 +216,35 @@ class _Opener:
         _note_scenery(reader, world, owner)
         around = Scope(reader, world, "", version)
         _enter_frames(around)
-        chosen, others = self._robot(reader, world, owner)
-        self.count = 0
-        for element in others:
-            reader.note(owner, f"<{shown_tag(element)}> '{_title(element)}': another model")
-        if shown_tag(chosen) == "include":
-            model = self._include(reader, chosen, around, "", 0)
-        else:
-            model = self._model(reader, chosen, version, around, "", 0)
-        own_name = chosen.get("name") or (chosen.findtext("name") or "").strip()
-        around.nested[own_name or model.element.get("name", "")] = model
-        _refuse_joints_to(others, around)
-        return SdfDocument(model, around, _gravity(reader, world, owner), self.notes)
-
-    def _robot(
-        self, reader: SdfReader, world: etree._Element, owner: str
-    ) -> tuple[etree._Element, list[etree._Element]]:
-        """Choose the only model of a world that has joints, or else the only one that is not static."""
         inside = [e for e in world.iterchildren(etree.Element) if shown_tag(e) in ("model", "include")]
+        chosen = self._robots(reader, world, inside, owner)
+        self.count = 0
+        for element in inside:
+            if element not in chosen:
+                reader.note(owner, f"<{shown_tag(element)}> '{title(element)}': another model")
+        alone = len(chosen) == 1
+        for element in chosen:
+            if shown_tag(element) == "include":
+                model = self._include(reader, element, around, "", 0, alone=alone)
+            else:
+                prefix = "" if alone else f"{reader.name(element)}::"
+                model = self._model(reader, element, version, around, prefix, 0)
+            own_name = element.get("name") or (element.findtext("name") or "").strip()
+            name = own_name or model.element.get("name", "")
+            if name in around.nested:
+                raise reader.error(f"{owner} has two models called '{name}'; rename one", name)
+            around.nested[name] = model
+        if not alone:
+            names = ", ".join(f"'{name}'" for name in around.nested)
+            text = f"models {names}: read as one mechanism, their links and joints as model::name"
+            reader.note(owner, text, Outcome.CHANGED)
+        robot = next(iter(around.nested.values())) if alone else around
+        return SdfDocument(robot, around, _gravity(reader, world, owner), self.notes)
+
+    def _robots(
+        self, reader: SdfReader, world: etree._Element, inside: list[etree._Element], owner: str
+    ) -> list[etree._Element]:
+        """Choose the models of a world that have joints, and what they hold, or else the only one that moves."""
         closed: dict[etree._Element, str] = {}
         glances: dict[etree._Element, _Glance] = {}
         for element in inside:
@@ -244,30 +255,28 @@ class _Opener:
                 closed[element] = str(error)
         jointed = [e for e, glance in glances.items() if glance.has_joints]
         moving = [e for e in inside if e in closed or not glances[e].is_static]
-        candidates = next(
-            (
-                found
-                for found in ([e for e in jointed if e in moving], jointed, moving, inside)
-                if len(found) == 1
-            ),
-            jointed or moving or inside,
+        robots = [e for e in jointed if e in moving] or jointed
+        candidates = robots or next(
+            (found for found in (moving, inside) if len(found) == 1), moving or inside
         )
-        if len(candidates) != 1:
-            names = ", ".join(f"'{_title(element)}'" for element in candidates) or "none"
+        tied = _tied(world, inside, robots)
+        if len(candidates) != 1 and not robots and not tied:
+            names = ", ".join(f"'{title(element)}'" for element in candidates) or "none"
             why = "".join(f"; {closed[element]}" for element in candidates if element in closed)
             raise reader.error(
                 f"{owner} has not one model that may be the robot, but: {names}; load the file of the robot alone, or "
                 f"remove the others{why}",
                 owner,
             )
-        return candidates[0], [element for element in inside if element is not candidates[0]]
+        chosen = [*tied, *(robots or ([] if tied else candidates))]
+        return [element for element in inside if element in chosen]
 
     def _glance(self, reader: SdfReader, element: etree._Element, depth: int) -> _Glance:
         """Look whether a model, or one that it nests or includes, has joints; a file is opened, and nothing noted."""
         self.count += 1
         if depth > _DEPTH or self.count > _MODELS:
             raise self._too_many(reader, element)
-        owner = f"<{shown_tag(element)}> '{_title(element)}'"
+        owner = f"<{shown_tag(element)}> '{title(element)}'"
         static = reader.flag(element, "static", owner)
         if shown_tag(element) == "include":
             path = self.library.find(reader, reader.content(element, "uri", owner), owner)
@@ -332,7 +341,14 @@ class _Opener:
         return scope
 
     def _include(
-        self, reader: SdfReader, element: etree._Element, parent: Scope, prefix: str, depth: int
+        self,
+        reader: SdfReader,
+        element: etree._Element,
+        parent: Scope,
+        prefix: str,
+        depth: int,
+        *,
+        alone: bool = False,
     ) -> Scope:
         """Take in the model of another file; the ``<include>`` may give it another name and place."""
         owner = f"<include> (line {element.sourceline}) of {parent.owner}"
@@ -354,7 +370,7 @@ class _Opener:
             )
         given = reader.children(element, "name")
         name = reader.content(element, "name", owner) if given else inner.name(models[0])
-        inside = f"{prefix}{name}::" if parent.element.tag == "model" else ""
+        inside = "" if alone else f"{prefix}{name}::"
         scope = self._model(inner, models[0], version, parent, inside, depth)
         if reader.children(element, "static"):
             for part in scope.models():
@@ -408,6 +424,24 @@ def _gravity(reader: SdfReader, world: etree._Element, owner: str) -> tuple[floa
     return x, y, z
 
 
+def _tied(
+    world: etree._Element, inside: list[etree._Element], robots: list[etree._Element]
+) -> list[etree._Element]:
+    """Find the models that joints of the world hold, and those that the plugins of robots do."""
+    ends = [
+        end for joint in world.findall("joint") for end in (*joint.findall("parent"), *joint.findall("child"))
+    ]
+    heads = {(end.text or "").strip().partition("::")[0] for end in ends}
+    tied = [element for element in inside if title(element) in heads]
+    waiting = [*robots, *tied]
+    while waiting:
+        held = {held_model(plugin) for plugin in waiting.pop().findall("plugin")}
+        more = [e for e in inside if title(e) in held and e not in tied]
+        tied += more
+        waiting += more
+    return tied
+
+
 def _enter_frames(scope: Scope) -> None:
     """Enter links, joints and frames by name; links first, where an old file uses a name twice."""
     check_names(scope)
@@ -417,21 +451,3 @@ def _enter_frames(scope: Scope) -> None:
     for tag in ("link", "joint", "frame"):
         for element in scope.reader.children(scope.element, tag):
             scope.elements.setdefault(scope.reader.name(element), element)
-
-
-def _refuse_joints_to(others: list[etree._Element], world: Scope) -> None:
-    """Stop at joints of a world that hold the robot at another model: without it, the robot would be another one."""
-    names = [_title(element) for element in others]
-    for joint in world.reader.children(world.element, "joint"):
-        for tag in ("parent", "child"):
-            head = (joint.findtext(tag) or "").strip().partition("::")[0]
-            if head in names:
-                raise world.reader.error(
-                    f"{world.owner} joins the robot to the model '{head}' by a <joint> (line {joint.sourceline}); "
-                    "nest both in one <model>",
-                    "<joint>",
-                )
-
-
-def _title(element: etree._Element) -> str:
-    return (element.get("name") or element.findtext("name") or element.findtext("uri") or "").strip()
