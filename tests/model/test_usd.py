@@ -366,6 +366,29 @@ def test_what_was_changed_since_is_believed(tmp_path: Path) -> None:
     assert "its mass was changed since stewart_pin:inertia was written" in report
 
 
+@pytest.mark.parametrize("digits", [9, 8, 6])
+def test_turned_frames_of_few_digits(tmp_path: Path, digits: int) -> None:
+    """Axes that are no longer orthogonal to the last digit are made so; beyond four digits they are refused."""
+    chain = stp.load("hexapod_rss")
+    path = tmp_path / "few.usda"
+    stp.export(chain, path, format="usd")
+    text = re.sub(
+        r"(?<![\w.])-?\d+\.\d+(e-?\d+)?(?![\w.])",
+        lambda found: f"{float(found[0]):.{digits}g}",
+        path.read_text(),
+    ).replace("#usda 1\n", "#usda 1.0\n", 1)
+    path.write_text(text)
+    again = stp.load(path)
+    for each in again.mechanism.joints:
+        turn = each.placement.rotation
+        np.testing.assert_allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(again.q_home, chain.q_home, rtol=0, atol=100 * 10.0**-digits)
+    (number,) = set(re.findall(r"stewart_pin:frame0 = \( \((-0\.2474\d+)", text))
+    path.write_text(text.replace(f"({number}", f"({float(number) + 1e-3:.9g}"))
+    with pytest.raises(FileFormatError, match="has to be a placement"):
+        stp.load(path)
+
+
 def test_single_precision_counts_as_digits(tmp_path: Path) -> None:
     path = tmp_path / "goldberg.usda"
     stp.export(stp.load(Path(__file__).parents[1] / "zoo/urdf/goldberg_5r.urdf"), path, format="usd")

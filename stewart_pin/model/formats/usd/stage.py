@@ -199,10 +199,14 @@ def placement_of(matrix: Any) -> pin.SE3:
     Returns
     -------
     pinocchio.SE3
-        The placement.
+        The placement; printed with few digits, its axes are made orthogonal again.
     """
     numbers = np.array(matrix)
-    return pin.SE3(numbers[:3, :3].T.copy(), numbers[3, :3].copy())
+    rotation = numbers[:3, :3].T.copy()
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > _EXACT:
+        u, _, vt = np.linalg.svd(rotation)
+        rotation = u @ vt
+    return pin.SE3(rotation, numbers[3, :3].copy())
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -213,6 +217,10 @@ _FAR_UNIT = 1e15
 """Metres and kilograms per unit, and units per these, beyond which a unit is none."""
 _FAR = 1e30
 """Largest entry of a transformation."""
+_SHEARED = 1e-4
+"""How far axes may be from unit length and right angles, dimensionless: what four printed digits cost."""
+_EXACT = 1e-13
+"""The same for axes of all digits, which are kept to the last one."""
 _Fitting = tuple[Callable[[Any], bool], str]
 
 
@@ -237,7 +245,8 @@ def _is_placement(value: Any) -> bool:
     rotation = np.array(value)[:3, :3]
     if not (np.abs(rotation).max() <= 2 and np.isfinite(value).all()):
         return False
-    return bool(np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-9)
+    apart = np.abs(np.linalg.svd(rotation, compute_uv=False) - 1).max()
+    return bool(apart <= _SHEARED and np.linalg.det(rotation) > 0)
 
 
 _TEXT: _Fitting = (lambda value: isinstance(value, str), "a text")
@@ -450,7 +459,7 @@ class Stage:
             )
         u, s, vt = np.linalg.svd(columns / scale)
         rotation = u @ vt
-        if np.abs(s - 1).max() > 1e-4 or np.linalg.det(rotation) < 0:
+        if np.abs(s - 1).max() > _SHEARED or np.linalg.det(rotation) < 0:
             raise self.error(
                 name, "is sheared or mirrored by its xformOps; bodies are turned and shifted only"
             )
