@@ -325,7 +325,7 @@ class ClosedChain:
         home = State(self, self.q_home)
         wanted = ["largest_gap", "rows", *(["_pose", "P"] if self.platform is not None else [])]
         [getattr(home, name) for name in wanted]
-        return {name: value for name, value in vars(home).items() if name != "_scratch"}
+        return dict(vars(home))
 
     def home_state(self) -> State:
         """Return home as a state of its own, with what solvers ask of it.

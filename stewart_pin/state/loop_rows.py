@@ -33,7 +33,7 @@ from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.errors import SingularityError
 from stewart_pin.model.loop_table import LoopTable
-from stewart_pin.state.scratch import Scratch
+from stewart_pin.state.scratch import PlacedJoints
 from stewart_pin.tolerances import FAR_FROM_SINGULAR
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
@@ -70,26 +70,26 @@ class PlacedLoops(NamedTuple):
     along: FloatArray
 
 
-def place_loops(table: LoopTable, scratch: Scratch) -> PlacedLoops:
+def place_loops(table: LoopTable, placed: PlacedJoints) -> PlacedLoops:
     """Locate the loop frames where the joints have been placed.
 
     Parameters
     ----------
     table
         Loops.
-    scratch
-        Scratch that holds the joint placements.
+    placed
+        Placements of the joints.
 
     Returns
     -------
     PlacedLoops
         Frames and directions, copies.
     """
-    turned = (scratch.rotation.take(table.carriers, 0) @ table.carried)[:, :, 0]
+    turned = (placed.rotation.take(table.carriers, 0) @ table.carried)[:, :, 0]
     one, two, three, four = table.split
-    origin1 = turned[:one] + scratch.translation.take(table.at1, 0)
-    origin2 = turned[one:two] + scratch.translation.take(table.at2, 0)
-    reach, along = _NO_RODS if not table.rod.index.size else _rods(table, scratch, origin1, origin2)
+    origin1 = turned[:one] + placed.translation.take(table.at1, 0)
+    origin2 = turned[one:two] + placed.translation.take(table.at2, 0)
+    reach, along = _NO_RODS if not table.rod.index.size else _rods(table, placed, origin1, origin2)
     return PlacedLoops(origin1, origin2, turned[two:three], turned[three:four], turned[four:], reach, along)
 
 
@@ -97,13 +97,13 @@ _NO_RODS = np.zeros(0), np.zeros((0, 3))
 
 
 def _rods(
-    table: LoopTable, scratch: Scratch, origin1: FloatArray, origin2: FloatArray
+    table: LoopTable, placed: PlacedJoints, origin1: FloatArray, origin2: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Distances and directions of the length rows."""
     loop = table.rod.loop
     apart = (origin2 - origin1)[loop]
     reach = np.sqrt((apart * apart).sum(axis=1))
-    aside = (scratch.rotation[table.at1[loop]] @ table.rotation1[loop])[:, :, 0]
+    aside = (placed.rotation[table.at1[loop]] @ table.rotation1[loop])[:, :, 0]
     along = np.where(reach[:, None] > 0, apart, aside) / np.where(reach > 0, reach, 1.0)[:, None]
     return reach, along
 
@@ -349,15 +349,15 @@ def jacobian_rate_of(
     return jacobian_rate
 
 
-def opposed_loops(table: LoopTable, scratch: Scratch) -> list[int]:
+def opposed_loops(table: LoopTable, placed: PlacedJoints) -> list[int]:
     """Find loops whose rows may vanish although they are not assembled: directions that should agree are opposed.
 
     Parameters
     ----------
     table
         Loops.
-    scratch
-        Scratch that holds the joint placements.
+    placed
+        Placements of the joints.
 
     Returns
     -------
@@ -367,8 +367,8 @@ def opposed_loops(table: LoopTable, scratch: Scratch) -> list[int]:
     loop, direction = table.aligned, table.directions[:, :, None]
     if not loop.size:
         return []
-    one = scratch.rotation[table.at1[loop]] @ (table.rotation1[loop] @ direction)
-    two = scratch.rotation[table.at2[loop]] @ (table.rotation2[loop] @ direction)
+    one = placed.rotation[table.at1[loop]] @ (table.rotation1[loop] @ direction)
+    two = placed.rotation[table.at2[loop]] @ (table.rotation2[loop] @ direction)
     return [int(number) for number in loop[(one * two).sum(axis=1)[:, 0] < 0]]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from typing import Any, Generic, NoReturn, TypeVar, overload
+from typing import Any, Generic, NamedTuple, NoReturn, TypeVar, overload
 
 import numpy as np
 import pinocchio as pin
@@ -18,8 +18,27 @@ _POOL = 8
 """Memories that a chain keeps for its next states."""
 
 
+class PlacedJoints(NamedTuple):
+    """Where the joints of a chain are at one configuration.
+
+    Attributes
+    ----------
+    jacobian
+        (6, nv) spatial velocity at the world origin, in world axes, per tangent velocity: the columns of all joints; a
+        body moves by those of the joints below it [m, rad per m or rad].
+    rotation
+        (njoints, 3, 3) rotations of the joints in the world.
+    translation
+        (njoints, 3) origins of the joints in the world [m].
+    """
+
+    jacobian: FloatArray
+    rotation: FloatArray
+    translation: FloatArray
+
+
 class Scratch:
-    """One `pinocchio.Data`, used by one state at a time.
+    """One `pinocchio.Data`, used for one computation at a time: of 3 nv³ numbers, too much for every state to keep.
 
     Parameters
     ----------
@@ -61,6 +80,21 @@ class Scratch:
         """
         # Pinocchio hands a matrix of one column over as a vector.
         return pin.computeJointJacobians(self.model, self.data, q).reshape(6, -1)
+
+    def placed(self, q: Configuration) -> PlacedJoints:
+        """Compute placements and Jacobians of all joints, and take them along.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+
+        Returns
+        -------
+        PlacedJoints
+            Copies.
+        """
+        return PlacedJoints(self.place(q).copy("K"), self.rotation.copy("K"), self.translation.copy())
 
     def place_rates(self, q: Configuration, v: Tangent) -> tuple[FloatArray, FloatArray]:
         """Compute placements, Jacobians of all joints, and their time derivatives along a velocity.

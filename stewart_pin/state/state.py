@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from stewart_pin.state.loop_rows import (
     wrenches_of,
 )
 from stewart_pin.state.relative_motion import platform_jacobian, platform_jacobian_rate
-from stewart_pin.state.scratch import Scratch, once
+from stewart_pin.state.scratch import PlacedJoints, once
 from stewart_pin.tolerances import CONSISTENT, DIGITS, NO_INERTIA, ROUND_OFF, SHOWN, SINGULAR, UNIT_QUATERNION
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
@@ -42,7 +43,7 @@ class State:
     """A state of a closed chain, made by ``chain.at(q, v, a)``; immutable.
 
     Shapes, finiteness and quaternions have been checked; whether the state keeps the loops closed is checked once, by
-    the first verb that needs it. A state keeps scratch memory: it is for one thread at a time, a chain for any number.
+    the first verb that needs it. A state is for one thread at a time, a chain for any number.
 
     Attributes
     ----------
@@ -77,11 +78,6 @@ class State:
             f"a State does not change; make another one by chain.at(...), with another {name}"
         )
 
-    def __del__(self) -> None:
-        scratch = self.__dict__.get("_scratch")
-        if scratch is not None:
-            self.chain.scratches.give(scratch)
-
     def __reduce__(self) -> tuple[Any, ...]:
         return State, (self.chain, self.q, self.v, self.a)
 
@@ -92,19 +88,23 @@ class State:
     # -- placements and loops ------------------------------------------------------------------------------------
 
     @once
-    def _scratch(self) -> Scratch:
-        return self.chain.scratches.take()
+    def _placed(self) -> PlacedJoints:
+        """Placements and Jacobians of the joints: copies, since Pinocchio's memory is of the size nv³."""
+        scratches = self.chain.scratches
+        scratch = scratches.take()
+        placed = scratch.placed(self.q)
+        scratches.give(scratch)
+        return placed
 
     @once
     def _joints(self) -> FloatArray:
-        """(6, nv) joint Jacobians at the world origin; placing the joints for all that follows."""
-        return self._scratch.place(self.q)
+        """(6, nv) joint Jacobians at the world origin."""
+        return self._placed.jacobian
 
     @once
     def loops(self) -> PlacedLoops:
         """Loop frames in the world."""
-        self._joints  # noqa: B018 - places the joints
-        return place_loops(self.chain.loop_table, self._scratch)
+        return place_loops(self.chain.loop_table, self._placed)
 
     @once
     def gap(self) -> FloatArray:
@@ -124,7 +124,11 @@ class State:
     @once
     def _joint_rates(self) -> FloatArray:
         """(6, nv) rates of the joint Jacobians."""
-        return np.array(self._scratch.place_rates(self.q, self.v)[1])
+        scratches = self.chain.scratches
+        scratch = scratches.take()
+        rates = np.array(scratch.place_rates(self.q, self.v)[1])
+        scratches.give(scratch)
+        return rates
 
     @once
     def moving_loops(self) -> MovingLoops:
@@ -175,10 +179,8 @@ class State:
 
     @once
     def _pose(self) -> pin.SE3:
-        self._joints  # noqa: B018 - places the joints
         joint, placement = self.chain.platform_joint
-        data = self._scratch
-        return pin.SE3(np.array(data.rotation[joint]), np.array(data.translation[joint])) * placement
+        return pin.SE3(self._placed.rotation[joint], self._placed.translation[joint]) * placement
 
     @once
     def P(self) -> FloatArray:
@@ -223,30 +225,24 @@ class State:
     @once
     def M(self) -> FloatArray:
         """(nv, nv) inertia matrix of the spanning tree, both halves [kg, kg m, kg m²]."""
-        chain = self.chain
         # Pinocchio fills the upper triangle only.
-        matrix = np.ravel(pin.crba(chain.mass_model, self._scratch.data, self.q)).take(chain.upper_index)
-        return matrix if chain.mass_unit == 1.0 else chain.mass_unit * matrix
+        return np.ravel(self._by_pinocchio(pin.crba)).take(self.chain.upper_index)
 
     @once
     def nle(self) -> FloatArray:
         """(nv,) joint efforts without acceleration: against weight, Coriolis and centrifugal forces [N, N m]."""
-        chain = self.chain
-        return chain.mass_unit * pin.nonLinearEffects(chain.mass_model, self._scratch.data, self.q, self.v)
+        return self._by_pinocchio(pin.nonLinearEffects, self.v)
 
     @once
     def weight(self) -> FloatArray:
         """(nv,) joint efforts against weight alone [N, N m]."""
-        chain = self.chain
-        efforts = pin.computeGeneralizedGravity(chain.mass_model, self._scratch.data, self.q)
-        return chain.mass_unit * np.array(efforts)
+        return self._by_pinocchio(pin.computeGeneralizedGravity)
 
     @once
     def coriolis(self) -> FloatArray:
         """(nv, nv) Coriolis matrix C of the tree; the rate of M is C + Cᵀ [kg/s, kg m/s, kg m²/s]."""
-        chain = self.chain
-        matrix = pin.computeCoriolisMatrix(chain.mass_model, self._scratch.data, self.q, self.v)
-        return chain.mass_unit * np.reshape(np.array(matrix), (chain.nv, chain.nv))
+        nv = self.chain.nv
+        return np.reshape(self._by_pinocchio(pin.computeCoriolisMatrix, self.v), (nv, nv))
 
     def tree_efforts(self, a: Tangent) -> FloatArray:
         """Compute joint efforts of the tree with open loops, M a + nle.
@@ -261,8 +257,15 @@ class State:
         numpy.ndarray
             (nv,) [N, N m].
         """
+        return self._by_pinocchio(pin.rnea, self.v, a)
+
+    def _by_pinocchio(self, algorithm: Callable[..., FloatArray], *given: Tangent) -> FloatArray:
+        """Ask Pinocchio about the tree; a copy of what it finds, masses in kg."""
         chain = self.chain
-        return chain.mass_unit * pin.rnea(chain.mass_model, self._scratch.data, self.q, self.v, a)
+        scratch = chain.scratches.take()
+        found = chain.mass_unit * algorithm(chain.mass_model, scratch.data, self.q, *given)
+        chain.scratches.give(scratch)
+        return found
 
     # -- freedom -------------------------------------------------------------------------------------------------
 
@@ -396,8 +399,7 @@ class State:
         list of int
             Numbers of these loops.
         """
-        self._joints  # noqa: B018 - places the joints
-        return opposed_loops(self.chain.loop_table, self._scratch)
+        return opposed_loops(self.chain.loop_table, self._placed)
 
     @once
     def _closed(self) -> bool:
