@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from stewart_pin.state.freedom import TWIST_AXES, FreedomCount, Motions, TwistAxis, counted, split_motions
 from stewart_pin.state.state import as_chain
-from stewart_pin.tolerances import NOTHING
+from stewart_pin.tolerances import EPS, NOTHING
 from stewart_pin.typing import Configuration, FloatArray
 
 if TYPE_CHECKING:
@@ -29,6 +29,8 @@ _TRIALS = 25
 """Displacements of home that are tried for them."""
 _SPREAD = 0.1
 """How far from home they are drawn at first, in robot sizes and radians."""
+_PATIENCE = 25
+"""Newton steps after which a displacement counts as too far to close: near home it takes four to seven."""
 _ROUND_OFF = 1e-13
 """Singular values below this are counted as this: what closing to the last bit leaves."""
 
@@ -160,21 +162,34 @@ def generic_freedom(chain: ClosedChain, axes: Sequence[TwistAxis] = TWIST_AXES) 
 
 
 def _samples(chain: ClosedChain) -> tuple[Configuration, ...]:
-    """Close displacements of home, to the last bit; smaller ones where the larger do not close."""
+    """Close displacements of home, to the last bit; smaller ones where the larger do not close.
+
+    In long chains of loops the ends of a displacement are many robot sizes apart: after one that does not close, the
+    next go along the motions at home, and no joint moves farther than before.
+    """
     from stewart_pin.state.newton import polish  # noqa: PLC0415 - which needs ranks where it is asked for them
 
     rng = np.random.default_rng(0)
     found: list[Configuration] = []
-    spread = _SPREAD
+    spread, motions = _SPREAD, None
     for _ in range(_TRIALS):
         if len(found) == _SAMPLES:
             break
-        step = rng.uniform(-spread, spread, chain.nv) * chain.tangent_scale
-        closure = polish(chain, pin.integrate(chain.model, chain.q_home, step))
+        step = rng.uniform(-spread, spread, chain.nv)
+        if motions is not None:
+            step = motions @ (motions.T @ step)
+            step *= rng.uniform(0.3, 1.0) * spread / max(float(np.abs(step).max()), spread * EPS)
+        q = pin.integrate(chain.model, chain.q_home, step * chain.tangent_scale)
+        closure = polish(chain, q, max_iterations=_PATIENCE)
         if closure.success:
             found.append(closure.q)
-        else:
-            spread *= 0.7
+            continue
+        spread *= 0.7
+        if motions is None:
+            home = chain.at(chain.q_home)
+            motions = split_motions(
+                home.rows, _rank_by_gap(_singular_values(home.rows), home.round_off)
+            ).basis
     return tuple(found) or (chain.q_home,)
 
 

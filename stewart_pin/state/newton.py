@@ -199,7 +199,7 @@ def loop_system(chain: ClosedChain, *, ranked: bool = True) -> System:
     )
 
 
-def polish(chain: ClosedChain, q_guess: Configuration) -> Closure:
+def polish(chain: ClosedChain, q_guess: Configuration, *, max_iterations: int = MAX_ITERATIONS) -> Closure:
     """Close the loops to the last bit without knowing their rank.
 
     Parameters
@@ -208,13 +208,15 @@ def polish(chain: ClosedChain, q_guess: Configuration) -> Closure:
         Closed chain.
     q_guess
         (nq,) configuration to start from [m, rad, unit quaternions].
+    max_iterations
+        Number of steps after which to give up.
 
     Returns
     -------
     Closure
         Configuration and residual reached.
     """
-    return solve(chain, q_guess, loop_system(chain, ranked=False))
+    return solve(chain, q_guess, loop_system(chain, ranked=False), max_iterations=max_iterations)
 
 
 def solve(

@@ -11,8 +11,9 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.model.description import JointKind
-from stewart_pin.state.newton import polish
+from stewart_pin.state.newton import _least_norm_step, polish
 from tests.closed_states import NAMES, robot
+from tests.large_mechanisms import joined, scissors
 from tests.mechanisms import arm, five_bar, four_bar, rotary_hexapod, two_bodies
 from tests.rewritten import in_other_unit
 
@@ -99,8 +100,8 @@ def test_configurations_are_counted() -> None:
 
 
 def test_where_nothing_else_closes_home_is_all_there_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    def open_loops(chain, q):
-        return replace(polish(chain, q), success=False)
+    def open_loops(chain, q, **options):
+        return replace(polish(chain, q, **options), success=False)
 
     monkeypatch.setattr("stewart_pin.state.newton.polish", open_loops)
     chain = replace(robot("stewart"))  # a copy, whose ranks are not known yet
@@ -199,3 +200,39 @@ def test_a_free_body_without_joints_has_no_motors_that_hold_it(rng: np.random.Ge
     chain = replace(two_bodies(JointKind.DISTANCE, rng), platform="free")
     found = stp.mobility(chain)
     assert (found.suggestion, found.verdict, found.motors_sufficient) == ((), "too few", False)
+
+
+def test_a_long_chain_of_loops_is_sampled_in_few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Random displacements of all its joints leave loops open by many robot sizes; those along its motion close."""
+    chain, steps = scissors(26), []
+    monkeypatch.setattr(
+        "stewart_pin.state.newton._least_norm_step",
+        lambda *given: steps.append(1) or _least_norm_step(*given),
+    )
+    found = stp.mobility(chain)
+    assert len(steps) < 100
+    assert (found.dof, found.dof_samples, found.redundant_rows, found.home_singular) == (
+        1,
+        (1,) * 5,
+        26,
+        False,
+    )
+    drive = {round(float(q[chain.motor_q_index[0]]), 6) for q in (*chain.generic.samples, chain.q_home)}
+    assert len(drive) == 6
+
+
+def test_robots_side_by_side_are_each_what_they_are_alone() -> None:
+    """Loops that share no joints know nothing of each other."""
+    parts = ("five_bar", "delta", "scissor_lift", "stewart_sps")
+    chain = replace(joined(parts), platform=None)
+    found = stp.mobility(chain)
+    alone = [stp.mobility(replace(robot(name), platform=None)) for name in parts]
+    assert (found.dof, found.dof_home) == (sum(one.dof for one in alone), sum(one.dof_home for one in alone))
+    assert found.redundant_rows == sum(one.redundant_rows for one in alone)
+    assert found.dof_samples == tuple(np.sum([one.dof_samples for one in alone], axis=0))
+    assert found.lost == sum(one.lost for one in alone)
+    assert found.free_joints == tuple(
+        f"{k}_{name}" for k, one in enumerate(alone) for name in one.free_joints
+    )
+    assert set(found.suggestion) == {f"{k}_{name}" for k, one in enumerate(alone) for name in one.suggestion}
+    assert set(found.redundant) == {f"{k}_{name}" for k, one in enumerate(alone) for name in one.redundant}
