@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations, islice
+from itertools import combinations
 from math import comb
 
 import numpy as np
-import pinocchio as pin
 import scipy.linalg
 
 from stewart_pin.brief import Brief
 from stewart_pin.model.description import JointKind
+from stewart_pin.model.tree import link_frame
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State, as_chain
 from stewart_pin.tolerances import SINGULAR, TAKES_PART
@@ -105,21 +105,35 @@ def _spare(motors: Sequence[str], share: FloatArray, surplus: int) -> tuple[tupl
     if not surplus:
         return ()
     rank = len(motors) - surplus
-    if comb(len(motors), surplus) <= _MOST_TRIALS:
-        trials: Iterable[tuple[int, ...]] = combinations(range(len(motors)), surplus)
-    else:
-        trials = dict.fromkeys(_left_out(share, first) for first in range(len(motors)))
-    sets = (out for out in trials if _rank(np.delete(share, out, axis=0)) == rank)
-    return tuple(tuple(motors[k] for k in out) for out in islice(sets, _MOST_SETS))
+    trials: Iterable[tuple[int, ...]] = combinations(range(len(motors)), surplus)
+    if comb(len(motors), surplus) > _MOST_TRIALS:
+        trials = (_left_out(share, first) for first in range(len(motors)))
+    sets: dict[tuple[int, ...], None] = {}
+    for out in trials:
+        if out not in sets and _rank(np.delete(share, out, axis=0)) == rank:
+            sets[out] = None
+        if len(sets) == _MOST_SETS:
+            break
+    return tuple(tuple(motors[k] for k in out) for out in sets)
 
 
 def _left_out(share: FloatArray, first: int) -> tuple[int, ...]:
     """Keep every motor that is independent of those before it, from the first on and around; return the others."""
+    order = np.roll(np.arange(len(share)), -first)
     kept: list[int] = []
-    for k in np.roll(np.arange(len(share)), -first):
-        if _rank(share[[*kept, k]]) > len(kept):
-            kept.append(int(k))
-    return tuple(k for k in range(len(share)) if k not in kept)
+    # What is left of each row beside those that are kept: no singular value of it and them is larger.
+    left = share[order]
+    for k, row in enumerate(left):
+        size = np.linalg.norm(row)
+        if size >= SINGULAR:
+            kept.append(int(order[k]))
+            left[k + 1 :] -= np.outer(left[k + 1 :] @ row, row / size**2)
+    if _rank(share[kept]) < len(kept):  # nearly dependent together, if not one by one
+        kept = []
+        for k in order:
+            if _rank(share[[*kept, k]]) > len(kept):
+                kept.append(int(k))
+    return tuple(sorted({*range(len(share))} - {*kept}))
 
 
 def _alike(chain: ClosedChain, names: Iterable[str]) -> set[str]:
@@ -321,7 +335,9 @@ def _idle_names(state: State) -> tuple[str, ...]:
     chain = state.chain
     scale = chain.tangent_scale[:, None]
     basis = scale * _sparse_basis(state.freedom.idle / scale)
-    return tuple(_describe(chain, state.q, motion) for motion in basis.T)
+    frames, links = chain.model.frames, chain.mechanism.links
+    carriers = {link.name: frames[link_frame(chain.model, link.name)].parentJoint for link in links}
+    return tuple(_describe(state, motion, carriers) for motion in basis.T)
 
 
 def _sparse_basis(columns: FloatArray) -> FloatArray:
@@ -336,18 +352,12 @@ def _sparse_basis(columns: FloatArray) -> FloatArray:
     return columns @ np.linalg.inv(columns[np.sort(order[:count])])
 
 
-def _describe(chain: ClosedChain, q: FloatArray, motion: FloatArray) -> str:
-    """Name a motion by the links that move and the way they move."""
-    model, data = chain.model, pin.Data(chain.model)
-    pin.forwardKinematics(model, data, q, motion)
-    pin.updateFramePlacements(model, data)
-    twists: dict[str, FloatArray] = {}
-    for link in chain.mechanism.links:
-        frame = model.getFrameId(link.name, pin.FrameType.BODY)
-        twist = pin.getFrameVelocity(model, data, frame, pin.ReferenceFrame.WORLD).vector.copy()
-        twist[:3] /= chain.length_scale
-        if np.abs(twist).max() > _REST * np.abs(motion / chain.tangent_scale).max():
-            twists[link.name] = twist
+def _describe(state: State, motion: FloatArray, carriers: Mapping[str, int]) -> str:
+    """Name a motion by the links that move and the way they move; with the joint that carries each link."""
+    chain = state.chain
+    of_joints = state.joint_twists(motion) / chain.twist_sizes
+    moving = np.abs(of_joints).max(axis=1) > _REST * np.abs(motion / chain.tangent_scale).max()
+    twists = {name: of_joints[joint] for name, joint in carriers.items() if moving[joint]}
     bodies = [name for name in twists if chain.mechanism.link(name).inertia is not None] or list(twists)
     first = twists[bodies[0]]
     together = all(np.allclose(twists[name], first, atol=_REST) for name in bodies)

@@ -35,6 +35,7 @@ _WHEREVER_HOME_IS = (
         "row_scale",
         "inertia_scale",
         "upper_index",
+        "carriers",
         "carrying",
         "passive_index",
         "row_scale",
@@ -264,11 +265,16 @@ class ClosedChain:
     @cached_property
     def carrying(self) -> FloatArray:
         """(nv, nv) number of joints of the tree that both of two tangent entries carry, dimensionless."""
+        return self.carriers.T @ self.carriers
+
+    @cached_property
+    def carriers(self) -> FloatArray:
+        """(njoints, nv) 1 where a tangent entry moves what a joint of the tree carries, else 0, dimensionless."""
         carries = np.zeros((self.model.njoints, self.nv))
         for number, joint in enumerate(self.model.joints[1:], start=1):
             carries[number] = carries[self.model.parents[number]]
             carries[number, joint.idx_v : joint.idx_v + joint.nv] = 1.0
-        return carries.T @ carries
+        return carries
 
     @cached_property
     def upper_index(self) -> np.ndarray:

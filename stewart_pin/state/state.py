@@ -170,6 +170,21 @@ class State:
         turned = float(np.abs(self.q[chain.hinge_q_index]).max(initial=0.0))
         return ROUND_OFF * max(1.0, reach / chain.length_scale, turned)
 
+    def joint_twists(self, v: Tangent) -> FloatArray:
+        """Tell how what each joint of the tree carries moves.
+
+        Parameters
+        ----------
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+
+        Returns
+        -------
+        numpy.ndarray
+            (njoints, 6) spatial velocity at the world origin, in world axes [m/s, rad/s].
+        """
+        return (self.chain.carriers * v) @ self._joints.T
+
     # -- platform ------------------------------------------------------------------------------------------------
 
     @property

@@ -10,8 +10,10 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
+from stewart_pin.mechanics.mobility import _left_out, _rank
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.newton import _least_norm_step, polish
+from stewart_pin.tolerances import SINGULAR
 from tests.closed_states import NAMES, robot
 from tests.large_mechanisms import joined, scissors
 from tests.mechanisms import arm, five_bar, four_bar, rotary_hexapod, two_bodies
@@ -236,3 +238,30 @@ def test_robots_side_by_side_are_each_what_they_are_alone() -> None:
     )
     assert set(found.suggestion) == {f"{k}_{name}" for k, one in enumerate(alone) for name in one.suggestion}
     assert set(found.redundant) == {f"{k}_{name}" for k, one in enumerate(alone) for name in one.redundant}
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-12, 1e-7, 2e-6, 1e-3])
+def test_motors_to_spare_are_those_of_one_rank_after_another(apart: float, rng: np.random.Generator) -> None:
+    """Rows taken off at once lead to the sets that a singular value decomposition of each choice does."""
+    for _ in range(20):
+        share = rng.normal(size=(9, 4)) @ rng.normal(size=(4, 6)) / 10
+        share += apart * rng.normal(size=share.shape)
+        share[rng.integers(9)] = 0.0
+        for first in range(len(share)):
+            kept: list[int] = []
+            for k in np.roll(np.arange(len(share)), -first):
+                values = np.linalg.svd(share[[*kept, k]], compute_uv=False)
+                if np.count_nonzero(values >= SINGULAR) > len(kept):
+                    kept.append(int(k))
+            assert _left_out(share, first) == tuple(k for k in range(len(share)) if k not in kept)
+
+
+def test_many_spare_motors_are_found_by_few_decompositions(monkeypatch: pytest.MonkeyPatch) -> None:
+    chain = joined(["four_bar"] * 8)
+    chain = replace(chain, motors=tuple(joint.name for joint in chain.mechanism.joints if joint.has_axis))
+    stp.mobility(chain)
+    calls = []
+    monkeypatch.setattr("stewart_pin.mechanics.mobility._rank", lambda share: calls.append(1) or _rank(share))
+    found = stp.mobility(chain)
+    assert (found.surplus_motors, found.verdict) == (16, "redundant")
+    assert len(calls) <= 2 * chain.nu

@@ -193,7 +193,7 @@ def test_all_states_of_a_chain_share_one_scratch(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("stewart_pin.state.chain.Scratch", lambda model: made.append(model) or Scratch(model))
     states = [chain.at(q, np.zeros(chain.nv)) for q in chain.generic.samples]
     for state in states:
-        state.J_c_rate, state.M, state.coriolis, state.weight, state.opposed()  # noqa: B018 - computed
+        state.J_c_rate, state.M, state.coriolis, state.weight, state.opposed()
     assert len(states) > 1 and len(made) == 1
 
 
