@@ -70,7 +70,9 @@ class Twin:
     def equalities(self) -> tuple[np.ndarray, np.ndarray]:
         """Return residual and Jacobian of the equality constraints at the state set."""
         rows = self.data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
-        return self.data.efc_pos[rows], self.data.efc_J.reshape(-1, self.model.nv)[rows]
+        # What no joint moves is held without rows, for which there is room nevertheless.
+        filled = self.data.efc_J[: len(rows) * self.model.nv]
+        return self.data.efc_pos[rows], filled.reshape(-1, self.model.nv)[rows]
 
 
 def _for_mujoco(path: Path) -> str:
