@@ -229,6 +229,8 @@ def test_the_page_of_words_is_that_of_the_readers() -> None:
 def test_every_tag_that_a_dialect_claims_has_its_words() -> None:
     unknown = [tag for tag in claimed_tags() if f"`<{tag.partition('/')[2]}>`" not in words_page.page()]
     assert unknown == []
+    formats = ("URDF and SRDF", "Gepetto YAML", "SDFormat", "MJCF", "OpenUSD")
+    assert [each for each in formats if f"## {each}\n" not in words_page.page()] == []
 
 
 MISPLACED = {

@@ -12,7 +12,7 @@ from lxml import etree
 
 from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Note, Outcome
-from stewart_pin.model.formats.words import meant_word
+from stewart_pin.model.formats.words import Words, meant_word
 from stewart_pin.model.formats.xml import ElementReader, reason_to_ignore, shown_tag
 from stewart_pin.tolerances import NO_DIRECTION
 from stewart_pin.typing import FloatArray
@@ -215,9 +215,7 @@ class SdfReader(ElementReader):
         """
         self.notes.append(Note(subject, text, outcome))
 
-    def note_strangers(
-        self, element: etree._Element, owner: str, known: Collection[str], attributes: Collection[str] = ()
-    ) -> None:
+    def note_strangers(self, element: etree._Element, owner: str, words: Words) -> None:
         """Note what is not read; stop at misspelt words, and at children that could change the mechanism.
 
         Parameters
@@ -226,11 +224,10 @@ class SdfReader(ElementReader):
             Where to look.
         owner
             Named in the message.
-        known
-            Tags that are read.
-        attributes
-            Attributes that are read.
+        words
+            What it may hold.
         """
+        attributes, known = words.attributes, words.tags
         for name in element.attrib:
             if name not in attributes:
                 what = f"attribute '{name}' of <{shown_tag(element)}>"

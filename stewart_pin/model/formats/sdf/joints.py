@@ -14,6 +14,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Bounds, JointKind, Outcome, Span, loop_coordinates
 from stewart_pin.model.formats.sdf.elements import OWN_LIMIT, SPANS, direction, own
 from stewart_pin.model.formats.sdf.frames import MODEL, WORLD, Scope, coordinates_between, motion
+from stewart_pin.model.formats.sdf.words import WORDS
 from stewart_pin.model.formats.xml import shown_tag
 from stewart_pin.tolerances import NO_DIRECTION
 from stewart_pin.typing import FloatArray
@@ -104,18 +105,13 @@ def read_axis(
     """
     reader = scope.reader
     element = reader.child(joint, tag, owner)
-    reader.note_strangers(element, owner, {"xyz", "limit", "use_parent_model_frame", "mimic"})
+    reader.note_strangers(element, owner, WORDS["axis"])
     axis = axis_direction(scope, element, placement, owner)
     limit = reader.optional(element, "limit", owner)
     follow = _follow(scope, joint, element, tag, owner)
     if limit is None:
         return Axis(axis, follow=follow)
-    reader.note_strangers(
-        limit,
-        owner,
-        {"lower", "upper", "effort", "velocity", "stiffness", "dissipation", "drake:acceleration"},
-        own(*SPANS),
-    )
+    reader.note_strangers(limit, owner, WORDS["axis/limit"])
     lower, upper, effort, velocity, acceleration = (
         reader.bound(limit, key, owner)
         for key in ("lower", "upper", "effort", "velocity", "drake:acceleration")
@@ -161,7 +157,7 @@ def axis_direction(scope: Scope, element: etree._Element, placement: pin.SE3, ow
     if xyz is None:
         reader.note(owner, f"<{shown_tag(element)}> has no <xyz>: z, the format's default", Outcome.KEPT)
     else:
-        reader.only(xyz, owner, ("expressed_in",))
+        reader.only(xyz, owner, WORDS["axis/xyz"].attributes)
     vector = reader.vector(element, "xyz", 3, owner, "0 0 1")
     frame = "" if xyz is None else xyz.get("expressed_in") or ""
     old = reader.flag(element, "use_parent_model_frame", owner)
@@ -185,7 +181,7 @@ def _follow(scope: Scope, joint: etree._Element, axis: etree._Element, tag: str,
     if mimic is not None and drakes is not None:
         raise reader.error(f"{owner} has a <mimic> and a <drake:mimic>; keep one", owner)
     if drakes is not None:
-        reader.only(drakes, owner, ("joint", "multiplier", "offset"))
+        reader.only(drakes, owner, WORDS["drake:mimic"].attributes)
         multiplier, offset = (
             float(reader.numbers(drakes, key, 1, owner)[0]) for key in ("multiplier", "offset")
         )
@@ -193,7 +189,7 @@ def _follow(scope: Scope, joint: etree._Element, axis: etree._Element, tag: str,
         return Follow(leader, "axis", multiplier, offset, 0.0)
     if mimic is None:
         return None
-    reader.only(mimic, owner, ("joint", "axis", *own("name")), ("multiplier", "offset", "reference"))
+    reader.only(mimic, owner, WORDS["axis/mimic"].attributes, WORDS["axis/mimic"].tags)
     which = mimic.get("axis", "axis")
     if which not in ("axis", "axis2"):
         raise reader.error(
@@ -228,13 +224,7 @@ _AXES = {
     JointKind.CYLINDRICAL: ("axis",),
     JointKind.UNIVERSAL: ("axis", "axis2"),
 }
-IN_JOINT = {
-    "parent", "child", "pose", "axis", "axis2", "physics", "thread_pitch", "screw_thread_pitch", "gearbox_ratio",
-    "gearbox_reference_body", "drake:mimic", OWN_LIMIT,
-}  # fmt: skip
-"""Children of a ``<joint>``, whatever its type."""
 GEARBOX = "gearbox"
-_OWN = ("name", "independent", "position", "axis", "part1", "part2", "between")
 _POSE = 7
 """Numbers of a placement: a point and a quaternion."""
 _READINGS = {
@@ -356,7 +346,7 @@ def read_joint(scope: Scope, element: etree._Element) -> SdfJoint:
         )
     kind = _KINDS[written]
     tags = _AXES.get(kind, ())
-    reader.note_strangers(element, owner, IN_JOINT, ("name", "type", *own(*_OWN)))
+    reader.note_strangers(element, owner, WORDS["joint"])
     for tag in ("axis", "axis2"):
         if tag not in tags and reader.children(element, tag):
             reader.note(owner, f"<{tag}>: a joint of type '{written}' has none")

@@ -28,7 +28,8 @@ from stewart_pin.model.formats.sdf.frames import WORLD, Scope
 from stewart_pin.model.formats.sdf.joints import Axis, SdfJoint, ends, link_pose, read_joint
 from stewart_pin.model.formats.sdf.models import open_document
 from stewart_pin.model.formats.sdf.tree import Float, grow_tree, is_gearbox, read_gearbox, read_mimics
-from stewart_pin.model.formats.xml import INERTIA_ENTRIES, MIRRORED, shown_tag
+from stewart_pin.model.formats.sdf.words import SHAPE_TAGS, WORDS
+from stewart_pin.model.formats.xml import INERTIA_ENTRIES, shown_tag
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, fault_of_sizes
 from stewart_pin.model.validation import keep_odd_inertias
 from stewart_pin.tolerances import NO_DIRECTION
@@ -196,12 +197,7 @@ def _link(scope: Scope, element: etree._Element, weightless: list[str], floating
     reader = scope.reader
     name = scope.prefix + reader.name(element)
     owner = f"link '{name}'"
-    reader.note_strangers(
-        element,
-        owner,
-        {"pose", "inertial", "gravity", "kinematic", "must_be_base_link", *SHAPE_TAGS},
-        ("name", *own("body", "joint", "position")),
-    )
+    reader.note_strangers(element, owner, WORDS["link"])
     if reader.flag(element, "kinematic", owner):
         raise UnsupportedError(
             f"{reader.path}: {owner} (line {element.sourceline}) is <kinematic>: something outside the model moves it; "
@@ -233,14 +229,13 @@ def _inertia(reader: SdfReader, element: etree._Element, owner: str) -> pin.Iner
             f"{reader.path}: {owner} (line {inertial.sourceline}) has a <fluid_added_mass>, which no rigid body has; "
             "remove it"
         )
-    reader.note_strangers(inertial, owner, {"mass", "pose", "inertia"}, ("auto",))
+    reader.note_strangers(inertial, owner, WORDS["inertial"])
     mass = reader.number(inertial, "mass", owner, "1")
     entries = reader.optional(inertial, "inertia", owner)
     matrix = np.eye(3)
     if entries is not None:
-        known = (*INERTIA_ENTRIES, *MIRRORED)
-        reader.note_strangers(entries, owner, known)
-        there = [key for key in known if entries.find(key) is not None]
+        reader.note_strangers(entries, owner, WORDS["inertia"])
+        there = [key for key in WORDS["inertia"].tags if entries.find(key) is not None]
         found = {key: reader.number(entries, key, owner, "1" if key[1] == key[2] else "0") for key in there}
         whole, told = reader.whole_inertia(found, entries.sourceline, owner)
         for text in told:
@@ -299,7 +294,7 @@ def _drake_joint(scope: Scope, element: etree._Element) -> SdfJoint:
             f"{reader.path}: <drake:joint> '{name}' (line {element.sourceline}) of type '{written}'; supported: "
             "planar, without a <pose>"
         )
-    reader.note_strangers(element, owner, {"drake:parent", "drake:child"}, ("name", "type"))
+    reader.note_strangers(element, owner, WORDS["drake:joint"])
     plain = etree.Element("joint", name=name)
     for tag in ("parent", "child"):
         etree.SubElement(plain, tag).text = reader.content(element, f"drake:{tag}", owner)
@@ -317,7 +312,7 @@ def _ball_constraints(scope: Scope) -> list[Loop]:
         owner = f"<{tag}> {number} (line {element.sourceline})"
         ends_of = ("body_A", "body_B")
         points = ("p_AP", "p_BQ")
-        reader.note_strangers(element, owner, {f"{tag}_{part}" for part in (*ends_of, *points)})
+        reader.note_strangers(element, owner, WORDS[tag])
         names = [scope.body(reader.content(element, f"{tag}_{part}", owner), owner) for part in ends_of]
         at = [pin.SE3(np.eye(3), reader.vector(element, f"{tag}_{part}", 3, owner)) for part in points]
         name = f"{scope.prefix}ball_constraint_{number}"
@@ -393,8 +388,6 @@ def _frames(scopes: list[Scope], poses: dict[str, pin.SE3]) -> tuple[list[Link],
 # A shape that cannot be read is left out with a note: no equation of motion depends on it.
 # ----------------------------------------------------------------------------------------------------
 
-SHAPE_TAGS = ("visual", "collision")
-"""Children of a ``<link>`` that are shapes."""
 _SIZES = {
     ShapeKind.CYLINDER: ("radius", "length"),
     ShapeKind.CAPSULE: ("radius", "length"),

@@ -10,8 +10,9 @@ from lxml import etree
 
 from stewart_pin.errors import FileFormatError, StewartPinError, UnsupportedError
 from stewart_pin.model.description import Note, Outcome
-from stewart_pin.model.formats.sdf.elements import SdfReader, held_model, own, title, why_ignored
+from stewart_pin.model.formats.sdf.elements import SdfReader, held_model, title, why_ignored
 from stewart_pin.model.formats.sdf.frames import Scope, check_names
+from stewart_pin.model.formats.sdf.words import WORDS
 from stewart_pin.model.formats.xml import ElementReader, read_xml, shown_tag
 
 # ----------------------------------------------------------------------------------------------------
@@ -100,15 +101,10 @@ class IncludedFiles:
 # ----------------------------------------------------------------------------------------------------
 
 _OLDEST, _NEWEST = (1, 3), (1, 12)
-_IN_MODEL = {
-    "pose", "static", "link", "joint", "frame", "model", "include",
-    "drake:joint", "drake:ball_constraint", "drake:linear_bushing_rpy", "drake:tendon_constraint",
-}  # fmt: skip
 _SCENERY = {
     "model", "include", "frame", "gravity", "physics", "joint", "plugin", "light", "actor", "audio", "wind",
     "magnetic_field", "atmosphere", "gui", "scene", "road", "spherical_coordinates", "state", "population",
 }  # fmt: skip
-_IN_WORLD = ("model", "include", "frame", "gravity", "physics", "joint", "plugin")
 _MODELS = 1000
 """How many models a file may nest or include, so that files that include each other end."""
 _DEPTH = 50
@@ -316,12 +312,7 @@ class _Opener:
         static = reader.flag(element, "static", owner) or (parent is not None and parent.static)
         frame = element.get("placement_frame", "")
         scope = Scope(reader, element, prefix, version, parent, placement_frame=frame, static=static)
-        reader.note_strangers(
-            element,
-            owner,
-            _IN_MODEL,
-            ("name", "canonical_link", "placement_frame", "namespace", *own("platform")),
-        )
+        reader.note_strangers(element, owner, WORDS["model"])
         _enter_frames(scope)
         for child in element.iterchildren(etree.Element):
             match shown_tag(child):
@@ -359,9 +350,7 @@ class _Opener:
             raise UnsupportedError(
                 f"{reader.path}: {owner} merges or changes the model of '{uri}'; put its elements into the file"
             )
-        reader.note_strangers(
-            element, owner, {"uri", "name", "pose", "static", "placement_frame"}, ("merge",)
-        )
+        reader.note_strangers(element, owner, WORDS["include"])
         inner, root, version = self._open(self.library.find(reader, uri, owner))
         models = inner.children(root, "model")
         if len(models) != 1:
@@ -397,7 +386,7 @@ def _note_scenery(reader: SdfReader, world: etree._Element, owner: str) -> None:
         elif tag in _NOTED:
             reader.note(owner, f"<{tag}>: {_NOTED[tag]}")
         elif tag not in _SCENERY:
-            reader.refuse_slip(tag, _IN_WORLD, element, f"<{tag}>", owner)
+            reader.refuse_slip(tag, WORDS["world"].tags, element, f"<{tag}>", owner)
             reader.note(f"{owner}, line {element.sourceline}", f"<{tag}>: only the robot is read")
 
 
@@ -447,7 +436,7 @@ def _enter_frames(scope: Scope) -> None:
     check_names(scope)
     for element in scope.reader.children(scope.element, "frame"):
         owner = f"frame '{scope.prefix + scope.reader.name(element)}'"
-        scope.reader.note_strangers(element, owner, {"pose"}, ("name", "attached_to", *own("joint")))
+        scope.reader.note_strangers(element, owner, WORDS["frame"])
     for tag in ("link", "joint", "frame"):
         for element in scope.reader.children(scope.element, tag):
             scope.elements.setdefault(scope.reader.name(element), element)

@@ -30,7 +30,6 @@ from stewart_pin.model.description import (
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope, motion
 from stewart_pin.model.formats.sdf.joints import (
     GEARBOX,
-    IN_JOINT,
     Axis,
     SdfJoint,
     axis_direction,
@@ -38,6 +37,7 @@ from stewart_pin.model.formats.sdf.joints import (
     joint_frame,
     link_pose,
 )
+from stewart_pin.model.formats.sdf.words import WORDS
 from stewart_pin.model.unfolding import (
     Unfolded,
     cut_second_parents,
@@ -418,10 +418,10 @@ def read_gearbox(scope: Scope, element: etree._Element, joints: Sequence[SdfJoin
     reader = scope.reader
     name = scope.prefix + reader.name(element)
     owner = f"joint '{name}'"
-    reader.note_strangers(element, owner, IN_JOINT, ("name", "type"))
+    reader.note_strangers(element, owner, WORDS["joint of type gearbox"])
     for tag in ("axis", "axis2"):
         for axis in reader.children(element, tag):
-            reader.note_strangers(axis, owner, {"xyz", "use_parent_model_frame"})
+            reader.note_strangers(axis, owner, WORDS["axis of a gearbox"])
     parent, child = ends(scope, element, owner)
     body = scope.body(reader.content(element, "gearbox_reference_body", owner), owner)
     ratio = reader.number(element, "gearbox_ratio", owner, "1")
