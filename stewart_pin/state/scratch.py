@@ -9,6 +9,7 @@ from typing import Any, Generic, NamedTuple, NoReturn, TypeVar, overload
 import numpy as np
 import pinocchio as pin
 from numpy import ndarray
+from scipy.spatial.transform import Rotation
 
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
@@ -16,6 +17,8 @@ T = TypeVar("T")
 
 _POOL = 8
 """Memories that a chain keeps for its next states."""
+_LARGE = 200
+"""Freedoms from which on joints are placed without Pinocchio's memory: that of 340 has 0.9 GB, and takes seconds."""
 
 
 class PlacedJoints(NamedTuple):
@@ -48,18 +51,27 @@ class Scratch:
     Attributes
     ----------
     data
-        Pinocchio's data.
+        Pinocchio's data, made when it is first asked for.
     rotation
         (njoints, 3, 3) rotations of the joints in the world, as the last call left them.
     translation
         (njoints, 3) origins of the joints in the world [m].
     """
 
+    data: pin.Data
+    rotation: FloatArray
+    translation: FloatArray
+
     def __init__(self, model: pin.Model) -> None:
         self.model = model
-        self.data = pin.Data(model)
-        self._still = np.zeros(model.nv)
+        self._levels = _Levels(model) if model.nv >= _LARGE else None
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in ("data", "rotation", "translation"):
+            raise AttributeError(name)
+        self.data = pin.Data(self.model)
         self.rotation, self.translation = _views(self.data)
+        return getattr(self, name)
 
     def __reduce__(self) -> NoReturn:
         raise TypeError("scratch memory is of one process; pass the chain or the state it belongs to")
@@ -94,6 +106,8 @@ class Scratch:
         PlacedJoints
             Copies.
         """
+        if self._levels is not None:
+            return self._levels.placed(q)
         return PlacedJoints(self.place(q).copy("K"), self.rotation.copy("K"), self.translation.copy())
 
     def place_rates(self, q: Configuration, v: Tangent) -> tuple[FloatArray, FloatArray]:
@@ -113,6 +127,60 @@ class Scratch:
         """
         pin.computeJointJacobiansTimeVariation(self.model, self.data, q, v)
         return self.data.J.reshape(6, -1), self.data.dJ.reshape(6, -1)
+
+
+class _Levels:
+    """The tree of a model, level by level from the ground: its joints are placed all of a level at once."""
+
+    def __init__(self, model: pin.Model) -> None:
+        joints = list(model.joints)[1:]
+        self._parents = np.array(list(model.parents))
+        depth = np.zeros(model.njoints, dtype=int)
+        for k in range(1, model.njoints):
+            depth[k] = depth[self._parents[k]] + 1
+        self._levels = [np.flatnonzero(depth == level) for level in range(1, depth.max() + 1)]
+        self._rotation = np.array([at.rotation for at in model.jointPlacements])
+        self._translation = np.array([at.translation for at in model.jointPlacements])
+        self._carrier = np.repeat(np.arange(1, model.njoints), [joint.nv for joint in joints])
+        self._axes = np.zeros((model.nv, 6))
+        single, self._others = [], []
+        for k, joint in enumerate(joints, start=1):
+            data = joint.createData()
+            joint.calc(data, pin.neutral(model))
+            self._axes[joint.idx_v : joint.idx_v + joint.nv] = np.reshape(data.S, (6, -1)).T
+            if joint.nq == joint.nv == 1:
+                single.append((k, joint.idx_q, joint.idx_v))
+            else:
+                self._others.append((k, joint, data))
+        self._single, self._single_q, self._single_v = np.array(single, dtype=int).reshape(-1, 3).T
+
+    def placed(self, q: Configuration) -> PlacedJoints:
+        """Place the joints, and write their Jacobians, as Pinocchio does."""
+        rotation, translation = (
+            np.tile(np.eye(3), (len(self._parents), 1, 1)),
+            np.zeros((len(self._parents), 3)),
+        )
+        # Hinges, slides and screws move along one axis, whose direction stays: about it by q, along it in proportion.
+        moved = self._axes[self._single_v] * q[self._single_q, None]
+        rotation[self._single] = Rotation.from_rotvec(moved[:, 3:]).as_matrix()
+        translation[self._single] = moved[:, :3]
+        for k, joint, data in self._others:
+            joint.calc(data, q)
+            rotation[k], translation[k] = data.M.rotation, data.M.translation
+        translation = self._translation + _turned(self._rotation, translation)
+        rotation = self._rotation @ rotation
+        for level in self._levels:
+            below = self._parents[level]
+            translation[level] = translation[below] + _turned(rotation[below], translation[level])
+            rotation[level] = rotation[below] @ rotation[level]
+        carrier = rotation[self._carrier]
+        turning = _turned(carrier, self._axes[:, 3:])
+        moving = _turned(carrier, self._axes[:, :3]) + np.cross(translation[self._carrier], turning)
+        return PlacedJoints(np.hstack([moving, turning]).T, rotation, translation)
+
+
+def _turned(rotation: FloatArray, vectors: FloatArray) -> FloatArray:
+    return (rotation @ vectors[:, :, None])[:, :, 0]
 
 
 class Pool(Generic[T]):

@@ -12,7 +12,7 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -53,14 +53,12 @@ def main() -> None:
             stp.write_urdf(chain, path)
             joints = tuple(joint.name for joint in chain.mechanism.joints if joint.has_axis)
             rows = [np.array(chain.at(q).rows) for q in chain.generic.samples]
-            calls: list[Callable[[], object]] = [
-                lambda rows=rows: plain(rows),
-                lambda path=path: stp.load(path),
-                lambda chain=chain: stp.mobility(replace(chain)),
-                lambda chain=chain: stp.mobility(replace(chain, motors=())),
-                lambda chain=chain, joints=joints: stp.mobility(replace(chain, motors=joints)),
-            ]
-            rounds = [[timed(call) for call in calls] for _ in range(ROUNDS)]
+            rounds = []
+            for _ in range(ROUNDS):
+                fresh = [stp.load(path, motors=motors) for motors in (None, (), joints)]
+                calls: list[Callable[[], object]] = [partial(plain, rows), partial(stp.load, path)]
+                calls += [partial(stp.mobility, chain) for chain in fresh]
+                rounds.append([timed(call) for call in calls])
             plainly, load, own, none, every = (statistics.median(c) for c in zip(*rounds, strict=True))
             print(
                 f"{name:30s} {chain.nv:4d} {plainly:7.2f} {load:7.2f} {own:9.2f} {none:10.2f} {every:7.2f}",

@@ -18,7 +18,7 @@ import stewart_pin as stp
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.state import loop_rows
 from stewart_pin.state.scratch import Scratch
-from tests.closed_states import along, close, derivative, random_configuration, random_motion, robot
+from tests.closed_states import NAMES, along, close, derivative, random_configuration, random_motion, robot
 from tests.mechanisms import four_bar
 
 ROBOTS = ("stewart", "stewart_sps", "delta", "four_bar", "arm_7r", "gear_train")
@@ -195,6 +195,24 @@ def test_all_states_of_a_chain_share_one_scratch(monkeypatch: pytest.MonkeyPatch
     for state in states:
         state.J_c_rate, state.M, state.coriolis, state.weight, state.opposed()
     assert len(states) > 1 and len(made) == 1
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_large_trees_are_placed_without_pinocchios_memory(
+    name: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    """Placements and Jacobians are Pinocchio's, of which no memory was asked for; a base that floats included."""
+    monkeypatch.setattr("stewart_pin.state.scratch._LARGE", 1)
+    for chain in (robot(name), stp.on_floating_base(robot(name), pin.Inertia(1.0, np.zeros(3), np.eye(3)))):
+        model, scratch, data = chain.model, Scratch(chain.model), pin.Data(chain.model)
+        for _ in range(3):
+            q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+            placed, jacobian = scratch.placed(q), pin.computeJointJacobians(model, data, q)
+            assert np.abs(placed.jacobian - jacobian).max() < 1e-13
+            for k, placement in enumerate(data.oMi):
+                assert np.abs(placed.rotation[k] - placement.rotation).max() < 1e-13
+                assert np.abs(placed.translation[k] - placement.translation).max() < 1e-13
+        assert "data" not in vars(scratch)
 
 
 def test_a_state_with_few_digits_is_refused_beside_a_singularity() -> None:
