@@ -15,7 +15,15 @@ from stewart_pin.building.loading import build_chain
 from stewart_pin.model.description import JointKind
 
 _NUMBER = re.compile(r"-?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
-_PLACES = re.compile(r'((?:xyz|rpy|pos|quat|axis|anchor|relpose)=")([^"]*)"')
+_PLACES = {
+    ".urdf": re.compile(r'((?:xyz|rpy|pos|quat|axis|anchor|relpose)=")([^"]*)'),
+    ".sdf": re.compile(r"(<(?:pose|xyz)(?: [^>]*)?>)([^<]*)"),
+    ".usda": re.compile(
+        r"((?:xformOp:(?:orient|translate)|physics:local(?:Pos|Rot)[01]|stewart_pin:(?:frame|place|axis)\w*) = )(.*)"
+    ),
+    ".yaml": re.compile(r"()(-?\d+\.\d+(?:e[-+]?\d+)?)"),
+}
+_PLACES[".xml"] = _PLACES[".urdf"]
 
 
 def turned_frames(chain: stp.ClosedChain, seed: int, *, slide: float = 0.0) -> stp.ClosedChain:
@@ -60,11 +68,7 @@ def round_places(path: Path, style: str) -> None:
     def shorter(found: re.Match[str]) -> str:
         return f"{float(found[0]):.{style}}"
 
-    text = path.read_text()
-    if path.suffix == ".yaml":
-        text = re.sub(r"-?\d+\.\d+(?:e[-+]?\d+)?", shorter, text)
-    else:
-        text = _PLACES.sub(lambda found: f'{found[1]}{_NUMBER.sub(shorter, found[2])}"', text)
+    text = _PLACES[path.suffix].sub(lambda found: found[1] + _NUMBER.sub(shorter, found[2]), path.read_text())
     path.write_text(text)
 
 

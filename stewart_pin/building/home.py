@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
 from scipy.optimize import lsq_linear
 
+from stewart_pin.building.parts import Part, independent_parts
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import JointKind, Note, Outcome
+from stewart_pin.model.tree import build_tree
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import clipped, random_configuration, unwound
 from stewart_pin.state.limits import Excess
 from stewart_pin.state.newton import Closure, close_at_precision, displaced, polish
 from stewart_pin.state.state import State
-from stewart_pin.tolerances import CLOSED, HOME_IN_FILE
+from stewart_pin.tolerances import HOME_IN_FILE
 from stewart_pin.typing import BoolArray, Configuration, FloatArray
 
 _ATTEMPTS = 16
@@ -29,15 +32,21 @@ _LEAP = 0.6
 bounded Gauss-Newton step."""
 _ENOUGH = 1e-6
 """Gap from which on Newton's method closes the rest without moving a joint noticeably."""
+_INSET = 1e-5
+"""How far from a limit the search stays, in robot sizes or radians: closing the rest moves joints by less."""
+_AT_END = 1e-4
+"""Room, in robot sizes or radians, that is none."""
+_PRESSED = 0.05
+"""Share of the steepest descent of the gap that a joint at its limit has, if that stands in the way."""
 
 
 def settle_home(chain: ClosedChain) -> ClosedChain:
     """Close the loops at home; the report tells which joints without a coordinate are beyond their limits there.
 
     The description's home is closed by the shortest way. Joints that it does not name are searched for: from the
-    neutral configuration moved inside the joint limits, by bounded least squares, and then from seeded random ones,
-    each group of loops that share no joint for itself. Joints in no loop stay where they are. A home that is only a
-    guess is searched for from there.
+    neutral configuration moved inside the joint limits, by bounded least squares, and then from seeded random ones.
+    Each group of loops that share no joint is closed for itself; joints in no loop stay where they are. A home that is
+    only a guess is searched for from there.
 
     Parameters
     ----------
@@ -54,35 +63,119 @@ def settle_home(chain: ClosedChain) -> ClosedChain:
     MechanismError
         If the loops do not close, or only beyond the joint limits, or with a loop's axes against each other.
     """
-    settled = _settle_assembled(chain) if chain.mechanism.assembled else _settle(chain)
-    beyond = settled.judge.positions(settled.q_home, slack=HOME_IN_FILE)
-    names = settled.limits.names[chain.nv :]
-    notes = [
+    return settle_parts(chain, settle_alone)
+
+
+def settle_parts(
+    chain: ClosedChain, settle: Callable[[ClosedChain], ClosedChain], size: float | None = None
+) -> ClosedChain:
+    """Find the home of each part of a chain that shares no loop with the others, as a chain of its own.
+
+    Parameters
+    ----------
+    chain
+        Chain whose home is a guess.
+    settle
+        Finds the home of a part, and may move its joints and loops.
+    size
+        Natural length of chains whose joints or loops were moved; default: that of the chain [m].
+
+    Returns
+    -------
+    ClosedChain
+        The same chain with a home at which every loop closes, and what the parts tell in its report.
+
+    Raises
+    ------
+    MechanismError
+        As `settle` does.
+    """
+    parts = independent_parts(chain)
+    q, notes = _start(chain, parts)
+    joints, loops = ({part.name: part for part in old} for old in (chain.mechanism.joints, chain.loops))
+    moved = False
+    for part in parts:
+        settled = settle(part.chain)
+        q[part.at] = settled.q_home
+        told = settled.mechanism
+        notes += told.notes[len(part.chain.mechanism.notes) :]
+        if told.joints is not part.chain.mechanism.joints:
+            moved = True
+            joints |= {
+                name: replace(joints[name], placement=told.joint(name).placement) for name in part.joints
+            }
+            loops |= {loop.name: loop for loop in told.loops}
+    if moved:
+        mechanism = replace(chain.mechanism, joints=tuple(joints.values()), loops=tuple(loops.values()))
+        chain = replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
+        chain.__dict__["length_scale"] = size or chain.length_scale
+    if chain.mechanism.home_is_guess:
+        notes += _told_of(chain, q)
+    beyond = chain.judge.positions(q, slack=HOME_IN_FILE)
+    names = chain.limits.names[chain.nv :]
+    notes += [
         Note(f"joint '{excess.joint}'", f"home is beyond its limits: {excess}", Outcome.KEPT)
         for excess in beyond
         if excess.joint in names
     ]
-    return settled.with_home(settled.q_home, *notes) if notes else settled
+    return chain.with_home(q, *notes)
 
 
-def _settle(chain: ClosedChain) -> ClosedChain:
+def _start(chain: ClosedChain, parts: list[Part]) -> tuple[Configuration, list[Note]]:
+    """Where joints in no loop stay: where the file has them, or at the nearest value within their limits."""
+    assembled = chain.mechanism.assembled
+    guess = home_guess(chain, inside=not assembled)
+    alone = np.ones(chain.nq, dtype=bool)
+    for part in parts:
+        alone[part.at] = False
+    given = _in_configuration(chain, _named_entries(chain)) & (not assembled)
+    notes: list[Note] = []
+    for excess in _outside(chain, guess):
+        at = chain.model.joints[chain.model.getJointId(excess.joint)].idx_q
+        if alone[at] and given[at]:
+            raise _wrong_home(chain, _stands_beyond(excess))
+        if alone[at] and assembled:
+            text = "home: the pose of the file is beyond its limits; it was moved to the nearest value within"
+            notes.append(Note(f"joint '{excess.joint}'", text, Outcome.CHANGED))
+    inside = np.clip(guess, chain.model.lowerPositionLimit, chain.model.upperPositionLimit)
+    return np.where(alone & ~given, inside, guess), notes
+
+
+# ----------------------------------------------------------------------------------------------------
+# One part
+# ----------------------------------------------------------------------------------------------------
+
+
+def settle_alone(chain: ClosedChain) -> ClosedChain:
+    """Find the home of a chain whose loops all share joints.
+
+    Parameters
+    ----------
+    chain
+        Chain whose home is a guess.
+
+    Returns
+    -------
+    ClosedChain
+        The same chain with a home.
+
+    Raises
+    ------
+    MechanismError
+        As `settle_home`.
+    """
+    if chain.mechanism.assembled:
+        return _settle_assembled(chain)
     given = _named_entries(chain)
-    guess = _alone_inside(chain, home_guess(chain), given)
+    guess = home_guess(chain)
     direct = polish(chain, guess)
-    faults = [_fault(chain, guess, direct, given)]
-    if not faults[0]:
-        return _with_home(chain, direct.q)
-    q = guess
-    for group in _groups(chain):
-        found = _search(chain, q, given, group)
-        if found is None:
-            raise _no_home(chain, guess, given, faults[0])
-        q = found
-    closure = polish(chain, q)
-    fault = _fault(chain, guess, closure, given)
-    if fault:
-        raise _no_home(chain, guess, given, fault)
-    return _with_home(chain, closure.q)
+    fault = _fault(chain, guess, direct, given)
+    if not fault and not _beyond_cones(chain, direct.q).any():
+        return chain.with_home(direct.q)
+    found = _search(chain, guess, given)
+    if isinstance(found, _Stuck) and fault:
+        raise _no_home(chain, guess, given, fault, found)
+    return chain.with_home(direct.q if isinstance(found, _Stuck) else found)
 
 
 def near_home(chain: ClosedChain, precision: float, *, searching: bool) -> Configuration | None:
@@ -91,11 +184,11 @@ def near_home(chain: ClosedChain, precision: float, *, searching: bool) -> Confi
     Parameters
     ----------
     chain
-        Chain whose home is a guess.
+        Chain whose loops all share joints, and whose home is a guess.
     precision
         Largest gap that digits may have left, in robot sizes and radians.
     searching
-        Whether to search for one, as `settle_home` does; otherwise only the nearest is tried.
+        Whether to search for one, as `settle_alone` does; otherwise only the nearest is tried.
 
     Returns
     -------
@@ -105,19 +198,15 @@ def near_home(chain: ClosedChain, precision: float, *, searching: bool) -> Confi
     given = _named_entries(chain)
     assembled = chain.mechanism.assembled
     guess = home_guess(chain, inside=not assembled)
-    q = guess if assembled else _alone_inside(chain, guess, given)
-    near = close_at_precision(chain, q, precision).state
-    closed = near.largest_gap <= precision and not near.opposed()
-    if closed and (assembled or not (_moved(chain, guess, near.q, given) or _beyond_limits(chain, near.q))):
-        return near.q
+    near = close_at_precision(chain, guess, precision).state
+    if near.largest_gap <= precision and not near.opposed():
+        inside = assembled or not (_moved(chain, guess, near.q, given) or _outside(chain, near.q))
+        if inside and (assembled or not _beyond_cones(chain, near.q).any()):
+            return near.q
     if assembled or not searching:
         return None
-    for group in _groups(chain):
-        found = _search(chain, q, given, group, precision)
-        if found is None:
-            return None
-        q = found
-    return q
+    found = _search(chain, guess, given, precision)
+    return None if isinstance(found, _Stuck) else found
 
 
 def keep_home(chain: ClosedChain, q: Configuration) -> ClosedChain:
@@ -126,7 +215,7 @@ def keep_home(chain: ClosedChain, q: Configuration) -> ClosedChain:
     Parameters
     ----------
     chain
-        Chain whose home is a guess.
+        Chain whose loops all share joints, and whose home is a guess.
     q
         (nq,) configuration with closed loops [m, rad, unit quaternions].
 
@@ -135,8 +224,8 @@ def keep_home(chain: ClosedChain, q: Configuration) -> ClosedChain:
     ClosedChain
         The same chain with a home.
     """
-    beyond = chain.mechanism.assembled and _beyond_limits(chain, q)
-    return _settle_assembled(chain) if beyond else _with_home(chain, q)
+    beyond = chain.mechanism.assembled and _outside(chain, q)
+    return _settle_assembled(chain) if beyond else chain.with_home(q)
 
 
 def _settle_assembled(chain: ClosedChain) -> ClosedChain:
@@ -231,15 +320,6 @@ def _named_entries(chain: ClosedChain) -> BoolArray:
     return named
 
 
-def _alone_inside(chain: ClosedChain, q: Configuration, given: BoolArray) -> Configuration:
-    """Bring joints in no loop, that the home does not name, to the nearest value within their limits."""
-    alone = ~given
-    for _, entries in _groups(chain):
-        alone &= ~entries
-    inside = np.clip(q, chain.model.lowerPositionLimit, chain.model.upperPositionLimit)
-    return np.where(_in_configuration(chain, alone), inside, q)
-
-
 def _fault(chain: ClosedChain, guess: Configuration, closure: Closure, given: BoolArray) -> str:
     """Say what keeps a configuration from being home."""
     if not closure.success:
@@ -251,51 +331,40 @@ def _fault(chain: ClosedChain, guess: Configuration, closure: Closure, given: Bo
                 f"the couplings do not close together, off by {closure.gap:.3g} m or rad at least: "
                 + ", ".join(f"'{coupling.name}'" for coupling in chain.couplings)
             )
-        return f"the loops do not close, the smallest gap found is {closure.gap:.3g} m"
-    return _moved(chain, guess, closure.q, given) or _beyond_limits(chain, closure.q)
+        gaps = np.abs(closure.state.relative_gap)
+        worst = max(range(len(chain.loops)), key=lambda k: gaps[chain.loop_table.slices[k]].max())
+        loop = chain.loops[worst].name
+        return f"the loops do not close, the smallest gap found is {closure.gap:.3g} m, at loop '{loop}'"
+    moved = _moved(chain, guess, closure.q, given)
+    return moved or next(map(_stands_beyond, _outside(chain, closure.q)), "")
 
 
-def _groups(chain: ClosedChain) -> list[tuple[BoolArray, BoolArray]]:
-    """Rows and tangent entries of each set of loops that share joints with no other set."""
-    touched = chain.loop_table.row_difference != 0
-    coupling = chain.loop_table.coupling
-    for k, row in enumerate(coupling.index):
-        touched[row, [entry for entry in (coupling.v1[k], coupling.v2[k]) if entry >= 0]] = True
-        touched[row] |= coupling.ratios_v[k] != 0
-    # Entries of one joint move together.
-    for joint in chain.model.joints[1:]:
-        own = slice(joint.idx_v, joint.idx_v + joint.nv)
-        touched[:, own] = touched[:, own].any(axis=1, keepdims=True)
-    left = np.ones(chain.nc, dtype=bool)
-    groups: list[tuple[BoolArray, BoolArray]] = []
-    while left.any():
-        rows = np.zeros(chain.nc, dtype=bool)
-        rows[np.argmax(left)] = True
-        while True:
-            entries = touched[rows].any(axis=0)
-            more = touched[:, entries].any(axis=1) | rows
-            if (more == rows).all():
-                break
-            rows = more
-        groups.append((rows, entries))
-        left &= ~rows
-    return groups
+@dataclass(frozen=True, eq=False)
+class _Stuck:
+    """Where the search ended within the limits, and the joints that these keep from closing the loops further."""
+
+    gap: float
+    held: tuple[str, ...] = ()
 
 
 def _search(
-    chain: ClosedChain,
-    start: Configuration,
-    given: BoolArray,
-    group: tuple[BoolArray, BoolArray],
-    precision: float = 0.0,
-) -> Configuration | None:
-    """Close one group of loops inside the limits, from near the start first; the other joints stay."""
-    rows, entries = group
-    for guess in _guesses(chain, start, entries & ~given):
-        q = _bounded(chain, guess, given, rows, entries, precision)
-        if q is not None:
-            return q
-    return None
+    chain: ClosedChain, start: Configuration, given: BoolArray, precision: float = 0.0
+) -> Configuration | _Stuck:
+    """Close the loops inside the limits, from near the start first; those of balls and of loops as far as they go."""
+    found: Configuration | _Stuck = _Stuck(np.inf)
+    for cones in (False, True):
+        for guess in _guesses(chain, start, ~given):
+            trial = _bounded(chain, guess, given, precision, cones)
+            if not isinstance(trial, _Stuck):
+                if cones or not _beyond_cones(chain, trial).any():
+                    return trial
+                found = trial
+                break
+            if isinstance(found, _Stuck) and trial.gap < found.gap:
+                found = trial
+        if isinstance(found, _Stuck):
+            break  # without these limits there is none either
+    return found
 
 
 def _guesses(chain: ClosedChain, start: Configuration, free: BoolArray) -> Iterator[Configuration]:
@@ -316,67 +385,56 @@ def _outermost(chain: ClosedChain, q: Configuration) -> Configuration:
 
 
 def _bounded(
-    chain: ClosedChain,
-    guess: Configuration,
-    given: BoolArray,
-    rows: BoolArray,
-    entries: BoolArray,
-    precision: float,
-) -> Configuration | None:
-    """Gauss-Newton steps within the limits until the rows of a group are nearly closed, then to the last bit.
+    chain: ClosedChain, guess: Configuration, given: BoolArray, precision: float, cones: bool
+) -> Configuration | _Stuck:
+    """Gauss-Newton steps within the limits until the loops are nearly closed, then to the last bit.
 
-    With a precision, rows that close to it are left as they are.
+    With a precision, rows that close to it are left as they are. With `cones`, limits of balls and of loops, which
+    are no bounds of a step, are equations where they are passed.
     """
     state = chain.at(pin.normalize(chain.model, np.array(guess)))
-    free = np.flatnonzero(entries)
-    residual = (state.gap / chain.row_sizes)[rows]
-    damping = 1e-3
+    residual, damping = _residual(chain, state, cones), 1e-3
     for _ in range(_STEPS):
         if np.abs(residual).max() < max(_ENOUGH, precision / 2):
             break
         lower, upper = _room(chain, state.q, guess, given)
-        jacobian = state.rows[rows][:, free]
-        system = np.vstack([jacobian, damping * np.eye(free.size)])
-        right = np.concatenate([-residual, np.zeros(free.size)])
-        step = np.zeros(chain.nv)
-        step[free] = lsq_linear(system, right, bounds=(lower[free], upper[free])).x
-        trial = displaced(state, step)
-        left = (trial.gap / chain.row_sizes)[rows]
+        jacobian = state.rows
+        if cones:
+            jacobian = np.vstack([jacobian, _cone_rates(chain, state.q)])
+        system = np.vstack([jacobian, damping * np.eye(chain.nv)])
+        right = np.concatenate([-residual, np.zeros(chain.nv)])
+        trial = displaced(state, lsq_linear(system, right, bounds=(lower, upper)).x)
+        left = _residual(chain, trial, cones)
         if np.linalg.norm(left) < np.linalg.norm(residual):
             state, residual, damping = trial, left, max(damping / 5, 1e-9)
         elif damping > 1e3:
-            return None
+            return _stuck(chain, state, guess, given)
         else:
             damping *= 5
     else:
-        return None
-    closed = np.array(state.q) if precision else _closed_group(chain, state, rows, free)
-    if closed is None or _moved(chain, guess, closed, given):
-        return None
-    q = np.where(_in_configuration(chain, entries & ~given), unwound(chain, closed), closed)
-    return None if _outside(chain, q, np.flatnonzero(entries)) else q
+        return _stuck(chain, state, guess, given)
+    closure = None if precision else polish(chain, state.q)
+    q = np.array(state.q) if closure is None else closure.q
+    if (closure is not None and not closure.success) or _moved(chain, guess, q, given):
+        return _stuck(chain, state, guess, given)
+    q = np.where(_in_configuration(chain, ~given), unwound(chain, q), q)
+    beyond = _outside(chain, q) or (cones and _beyond_cones(chain, q).any())
+    return _stuck(chain, state, guess, given) if beyond else q
 
 
-def _closed_group(
-    chain: ClosedChain, state: State, rows: BoolArray, free: np.ndarray
-) -> Configuration | None:
-    """Close the rows of a group to the last bit, whatever their rank: damped by the size of the gap."""
-    for _ in range(_STEPS):
-        residual = (state.gap / chain.row_sizes)[rows]
-        worst = float(np.abs(residual).max())
-        if worst <= max(CLOSED / 10, state.round_off / 10):
-            break
-        u, s, vt = np.linalg.svd(state.rows[rows][:, free], full_matrices=False)
-        step = np.zeros(chain.nv)
-        step[free] = -vt.T @ ((s / (s**2 + worst**2)) * (u.T @ residual))
-        trial = displaced(state, step)
-        if not np.abs(trial.gap / chain.row_sizes)[rows].max() < worst:
-            break
-        state = trial
-    closed = np.abs(state.gap / chain.row_sizes)[rows].max() <= max(CLOSED, state.round_off)
-    # A loop of another group may still be open, and look like one that is closed the wrong way round.
-    opposed = {loop for loop in state.opposed() if rows[chain.loop_table.slices[loop]].any()}
-    return np.array(state.q) if closed and not opposed else None
+def _residual(chain: ClosedChain, state: State, cones: bool) -> FloatArray:
+    gap = state.relative_gap
+    return np.concatenate([gap, _beyond_cones(chain, state.q, _INSET)]) if cones else gap
+
+
+def _stuck(chain: ClosedChain, state: State, guess: Configuration, given: BoolArray) -> _Stuck:
+    """Name the joints at whose limits the gap would shrink beyond."""
+    lower, upper = _room(chain, state.q, guess, given)
+    downhill = -state.rows.T @ state.relative_gap
+    pressed = ((lower > -_AT_END) & (downhill < 0)) | ((upper < _AT_END) & (downhill > 0))
+    share = np.abs(downhill) >= _PRESSED * np.abs(downhill).max(initial=0.0)
+    names = [chain.tangent_names[k] for k in np.flatnonzero(pressed & ~given & share)]
+    return _Stuck(float(np.abs(state.gap).max(initial=0.0)), tuple(names))
 
 
 def _room(
@@ -387,10 +445,13 @@ def _room(
     for joint in chain.model.joints[1:]:
         if joint.nq == 1 and joint.nv == 1:
             k, scale = joint.idx_v, chain.tangent_scale[joint.idx_v]
-            low, high = (
-                (float(limit[joint.idx_q]) - q[joint.idx_q]) / scale
+            least, most = (
+                float(limit[joint.idx_q]) / scale
                 for limit in (chain.model.lowerPositionLimit, chain.model.upperPositionLimit)
             )
+            # The last bits of closing may move it a little.
+            inset = min(_INSET, (most - least) / 4)
+            low, high = least + inset - q[joint.idx_q] / scale, most - inset - q[joint.idx_q] / scale
             # A start outside its range, as a home with few digits may be, is not thrown back at once.
             lower[k], upper[k] = max(lower[k], min(low, 0.0)), min(upper[k], max(high, 0.0))
     moved = pin.difference(chain.model, guess, q) / chain.tangent_scale
@@ -399,13 +460,41 @@ def _room(
     return np.minimum(lower, -1e-12), np.maximum(upper, 1e-12)
 
 
+def _cones(chain: ClosedChain) -> np.ndarray:
+    """Rows of the limits of what has no coordinate of its own: cones of balls, joints that close loops."""
+    stated = chain.limits.stated("position")
+    return stated[stated >= chain.nv]
+
+
+def _beyond_cones(chain: ClosedChain, q: Configuration, inset: float = -HOME_IN_FILE) -> FloatArray:
+    """How far these are passed, signed, in natural units; 0 for what is within, by an inset."""
+    rows = _cones(chain)
+    if not rows.size:
+        return np.zeros(0)
+    [asked] = chain.judge.asked(q[None], leave=np.arange(chain.nv))
+    sizes = chain.judge.sizes(rows)
+    values = asked.values[0] / sizes
+    lower, upper = chain.limits.bounds("position", rows).T / sizes
+    inset = np.minimum(inset, (upper - lower) / 4)
+    return values - np.clip(values, lower + inset, upper - inset)
+
+
+def _cone_rates(chain: ClosedChain, q: Configuration) -> FloatArray:
+    """(k, nv) derivative of what is passed, in natural units; 0 for what is within."""
+    rows = _cones(chain)
+    rates = chain.judge.rates(q, np.diag(chain.tangent_scale), rows) / chain.judge.sizes(rows)[:, None]
+    return np.where(_beyond_cones(chain, q, _INSET)[:, None] != 0.0, rates, 0.0)
+
+
 def _in_configuration(chain: ClosedChain, entries: BoolArray) -> BoolArray:
     """Carry a mark per tangent entry over to the configuration: (nq,) of bool."""
     return np.concatenate([np.full(joint.nq, entries[joint.idx_v]) for joint in chain.model.joints[1:]])
 
 
-def _no_home(chain: ClosedChain, guess: Configuration, given: BoolArray, fault: str) -> MechanismError:
-    """Say why there is no home, by the best that can be had without limits."""
+def _no_home(
+    chain: ClosedChain, guess: Configuration, given: BoolArray, fault: str, stuck: _Stuck
+) -> MechanismError:
+    """Say why there is no home, by the best that can be had without limits, and which limits stand in the way."""
     if "do not close" in fault:
         smallest = polish(chain, guess)
         for trial in _guesses(chain, guess, ~given):
@@ -417,13 +506,27 @@ def _no_home(chain: ClosedChain, guess: Configuration, given: BoolArray, fault: 
             smallest = min(smallest, closure, key=lambda c: c.gap)
         else:
             fault = _fault(chain, guess, smallest, given) or fault
+    if stuck.held and "beyond its limits" in fault:
+        held = ", ".join(f"'{name}'" for name in stuck.held)
+        fault += (
+            f"; within all limits a gap of {stuck.gap:.3g} m or rad is left, where those of {held} "
+            "stand in the way"
+        )
+    return _wrong_home(chain, fault)
+
+
+def _wrong_home(chain: ClosedChain, fault: str) -> MechanismError:
     return MechanismError(
         f"no home configuration: {fault}; correct {'the origins of the loops' if chain.loops else 'their numbers'}, or "
-        "the home (<group_state name='home'> or "
-        "keyframe of the file)",
+        "the home (<group_state name='home'> or keyframe of the file)",
         path=chain.mechanism.source,
         culprit="home",
     )
+
+
+def _stands_beyond(excess: Excess) -> str:
+    least, most = excess.allowed
+    return f"joint '{excess.joint}' would stand at {excess.value:.6g}, beyond its limits {least:.6g} to {most:.6g}"
 
 
 def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, given: BoolArray) -> str:
@@ -434,22 +537,12 @@ def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, given: Bo
     return f"closing them moves joint '{chain.tangent_names[worst]}' by {moved[worst]:.3g} robot sizes or radians"
 
 
-def _with_home(chain: ClosedChain, q: Configuration) -> ClosedChain:
-    """Set home, and tell in the report when one that was only a guess is another configuration than the file's."""
+def _told_of(chain: ClosedChain, q: Configuration) -> list[Note]:
+    """Tell in the report when a home that was only a guess is another configuration than the file's."""
     moved = _moved(chain, home_guess(chain), q, np.ones(chain.nv, dtype=bool))
-    if not (chain.mechanism.home_is_guess and moved):
-        return chain.with_home(q)
-    return chain.with_home(q, Note("home", f"{moved}, as loops and limits demand", Outcome.CHANGED))
+    return [Note("home", f"{moved}, as loops and limits demand", Outcome.CHANGED)] if moved else []
 
 
-def _beyond_limits(chain: ClosedChain, q: Configuration) -> str:
-    for excess in _outside(chain, q):
-        least, most = excess.allowed
-        return f"joint '{excess.joint}' would stand at {excess.value:.6g}, beyond its limits {least:.6g} to {most:.6g}"
-    return ""
-
-
-def _outside(chain: ClosedChain, q: Configuration, entries: np.ndarray | None = None) -> tuple[Excess, ...]:
+def _outside(chain: ClosedChain, q: Configuration) -> tuple[Excess, ...]:
     """List joints of the tree beyond their ranges; a home with few digits may be so by what it lacks."""
-    looked_at = np.arange(chain.nv) if entries is None else entries
-    return chain.judge.positions(q, slack=HOME_IN_FILE, entries=looked_at)
+    return chain.judge.positions(q, slack=HOME_IN_FILE, entries=np.arange(chain.nv))

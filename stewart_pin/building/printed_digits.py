@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.building.home import keep_home, near_home, settle_home
+from stewart_pin.building.home import keep_home, near_home, settle_alone, settle_parts
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import JointKind, Mechanism, Note, Outcome
 from stewart_pin.model.formats.precision import Precision
@@ -92,16 +92,20 @@ def settle_printed(chain: ClosedChain, forgiven: float | Precision) -> ClosedCha
     MechanismError
         As `settle_home`, where digits do not explain that the loops stay open.
     """
-    places = _places(chain)
     # Axes that meet in a point but for digits have no size between them: these are no length of the robot.
     size = chain.length_scale
+    digits = _explained(forgiven, size, _places(chain)) if isinstance(forgiven, Precision) else forgiven
+    size = length_scale(chain.mechanism, chain.platform, digits=digits)
+    return settle_parts(chain, lambda part: _settle_part(part, forgiven, size), size)
+
+
+def _settle_part(chain: ClosedChain, forgiven: float | Precision, size: float) -> ClosedChain:
+    """Settle loops that share joints with no others: the digits of one leg are not those of another."""
+    places = _places(chain)
     if isinstance(forgiven, Precision):
-        size = length_scale(chain.mechanism, chain.platform, digits=_explained(forgiven, size, places))
         forgiven = _explained(forgiven, size, places)
-    else:
-        size = length_scale(chain.mechanism, chain.platform, digits=forgiven)
     if not (forgiven > 0 and chain.loops):
-        return settle_home(chain)
+        return settle_alone(chain)
     printed = chain if size == chain.length_scale else _of_size(chain, size)
     try:
         moved = _absorbed(printed, near_home(printed, forgiven, searching=False), places, forgiven)
@@ -110,7 +114,7 @@ def settle_printed(chain: ClosedChain, forgiven: float | Precision) -> ClosedCha
     if moved is not None:
         return moved
     try:
-        settled = settle_home(chain)
+        settled = settle_alone(chain)
     except MechanismError:
         near = near_home(printed, forgiven, searching=True)
         try:
@@ -140,7 +144,7 @@ class _Undecided(Exception):
 def _as_it_stands(chain: ClosedChain, undecided: _Undecided) -> ClosedChain:
     """Take the numbers as they are, where the loops close with them, and say so."""
     try:
-        settled = settle_home(chain)
+        settled = settle_alone(chain)
     except MechanismError:
         source = chain.mechanism.source
         raise MechanismError(f"{undecided}; print more digits", path=source, culprit="loops") from None
@@ -148,7 +152,7 @@ def _as_it_stands(chain: ClosedChain, undecided: _Undecided) -> ClosedChain:
 
 
 def _with_note(chain: ClosedChain, undecided: _Undecided) -> ClosedChain:
-    note = Note("loops", f"{undecided}; its numbers were taken as they stand", Outcome.KEPT)
+    note = Note(_name_loops(chain), f"{undecided}; its numbers were taken as they stand", Outcome.KEPT)
     return replace(chain, mechanism=replace(chain.mechanism, notes=(*chain.mechanism.notes, note)))
 
 
@@ -159,51 +163,108 @@ def _absorbed(
     if q is None:
         return None
     home = close_at_precision(chain, q, forgiven)
-    rank = home.rank
-    values = np.linalg.svd(home.state.rows, compute_uv=False)
-    gap = home.state.largest_gap
-    if rank == chain.nc or gap > forgiven:
+    if home.state.largest_gap > forgiven:
         return None
-    spurious = values[rank:]
-    if max(gap, spurious.max(initial=0.0)) <= max(_EXACT, home.state.round_off):
-        # Home may be exact by its symmetry, and the motion not.
-        probe = _Walk(home.state, rank, forgiven, _REGULAR[0], np.random.default_rng(0)).on(chain, _PROBES)
-        if probe is None or _closed(probe):
-            return None
-    if len(places) * (1 + chain.nv - rank) > _LARGEST:
-        raise _undecided(chain, gap, spurious, "the mechanism is too large to look for one that keeps them")
-    rng, ease = np.random.default_rng(0), np.ones(6 * len(places))
-    for regular in _REGULAR:
-        walk = _Walk(home.state, rank, forgiven, regular, rng)
-        moved, states = chain, [home.state]
-        for number in range(_ROUNDS):
-            fresh = walk.on(moved)
-            if fresh is None:
-                return None
-            if moved is not chain and _closed(fresh):
-                # Home has followed; Newton's method without the rank would drift where it is all but closed.
-                return keep_home(_told(chain, moved, places, forgiven, gap, spurious), states[0].q)
-            # From the start again: moves that closed a part of the motion lie in a narrow valley of those for the rest.
-            again = [
-                close_at_precision(chain, state.q, forgiven, rank=rank).state for state in states + fresh
-            ]
-            moved, states = _closing_everywhere(chain, again, rank, places, forgiven, ease)
-            walk.at = states[-1]
-            if not _closed(states) and number:
-                break
-        # Between two families of mechanisms no small move leads to either; unequal ones leave the middle.
-        ease = 10.0 ** rng.uniform(-1.0, 0.0, ease.size)
-    raise _undecided(chain, gap, spurious, "no near mechanism was found that keeps this freedom")
+    if home.rank == chain.nc:
+        return None
+    # Home may stand near a singularity, where more rows depend on each other than along the motion.
+    for rank in range(home.rank, max(home.rank + 1, min(chain.nc, chain.nv))):
+        motion = _Motion(chain, home.state, rank, places, forgiven)
+        beyond = motion.walk(_REGULAR[0], np.random.default_rng(0)).on(chain, _PROBES)
+        if beyond is not None:
+            return None if motion.exact(beyond) else motion.absorbed()
+    return None
 
 
-def _undecided(chain: ClosedChain, gap: float, values: FloatArray, why: str) -> _Undecided:
-    freedoms = chain.nv - (min(chain.nc, chain.nv) - values.size)
-    finding = (
-        f"the loops close to {gap:.2g} robot sizes or radians, and their rows have the singular value "
-        f"{values.max(initial=0.0):.2g}: by the digits of the file there are {freedoms} freedoms, by its numbers "
-        f"fewer, and {why}"
-    )
-    return _Undecided(finding)
+class _Motion:
+    """What a chain would do if only `rank` of its rows were independent, all along its motion from home."""
+
+    def __init__(
+        self, chain: ClosedChain, home: State, rank: int, places: Sequence[_Place], forgiven: float
+    ) -> None:
+        self.chain, self.home, self.rank = chain, home, rank
+        self.places, self.forgiven = places, forgiven
+        self.spurious = np.linalg.svd(home.rows, compute_uv=False)[rank:]
+
+    def walk(self, regular: float, rng: np.random.Generator) -> _Walk:
+        return _Walk(self.home, self.rank, self.forgiven, regular, rng)
+
+    def exact(self, beyond: Sequence[State]) -> bool:
+        """Whether rows that should repeat do so to round-off: home may be exact by symmetry, and the motion not."""
+        open_by = max(self.home.largest_gap, self.spurious.max(initial=0.0))
+        return open_by <= max(_EXACT, self.home.round_off) and _closed(beyond)
+
+    def absorbed(self) -> ClosedChain | None:
+        """Move joints and loops so that they do so exactly; None where the motion ends before it tells enough."""
+        chain, rank, places, forgiven = self.chain, self.rank, self.places, self.forgiven
+        if len(places) * (1 + chain.nv - rank) > _LARGEST:
+            raise self.undecided("the mechanism is too large to look for one that keeps them")
+        ease, rng = np.ones(6 * len(places)), np.random.default_rng(0)
+        for regular in _REGULAR:
+            walk = self.walk(regular, rng)
+            moved, states = chain, [self.home]
+            for number in range(_ROUNDS):
+                fresh = walk.on(moved)
+                if fresh is None:
+                    return None
+                if moved is not chain and _closed(fresh):
+                    # Home has followed; Newton's method without the rank would drift where it is all but closed.
+                    return keep_home(self.told(moved), states[0].q)
+                # From the start again: moves that closed a part of the motion lie in a narrow valley of those for the
+                # rest.
+                again = [
+                    close_at_precision(chain, state.q, forgiven, rank=rank).state for state in states + fresh
+                ]
+                moved, states = _closing_everywhere(chain, again, rank, places, forgiven, ease)
+                walk.at = states[-1]
+                if not _closed(states) and number:
+                    break
+            # Between two families of mechanisms no small move leads to either; unequal ones leave the middle.
+            ease = 10.0 ** rng.uniform(-1.0, 0.0, ease.size)
+        raise self.undecided("no near mechanism was found that keeps this freedom")
+
+    @property
+    def freedoms(self) -> int:
+        return self.chain.nv - self.rank
+
+    def undecided(self, why: str) -> _Undecided:
+        return _Undecided(
+            f"the loops close to {self.home.largest_gap:.2g} robot sizes or radians, and their rows have the singular "
+            f"value {self.spurious.max(initial=0.0):.2g}: by the digits of the file there are {self.freedoms} "
+            f"freedoms, by its numbers fewer, and {why}"
+        )
+
+    def told(self, moved: ClosedChain) -> ClosedChain:
+        """Add notes of what was moved, no more than digits explain."""
+        notes: list[Note] = []
+        total = 0.0
+        for place in self.places:
+            before, after = (_placement(one.mechanism, place) for one in (self.chain, moved))
+            move = before.inverse() * after
+            # The logarithm of a rotation is lost in round-off where the angle is below 1e-8.
+            turn = float(np.linalg.norm(pin.unSkew((move.rotation - move.rotation.T) / 2)))
+            shift = float(np.linalg.norm(move.translation))
+            total += (shift / self.chain.length_scale) ** 2 + turn**2
+            text = f"moved by {shift:.2g} m and turned by {turn:.2g} rad, as the loops need to keep their freedom"
+            notes.append(Note(str(place), text, Outcome.CHANGED))
+        if np.sqrt(total) > self.forgiven:
+            raise self.undecided(
+                f"the nearest mechanism that has them is {np.sqrt(total):.2g} away, more than the digits explain"
+            )
+        shown = ", ".join(f"{value:.2g}" for value in self.spurious[:6]) + ", ..." * (self.spurious.size > 6)
+        summary = Note(
+            _name_loops(self.chain),
+            f"close only to the digits of the file: the gap was {self.home.largest_gap:.2g} robot sizes or radians at "
+            f"home, and the singular values {shown} were taken for digits; the mechanism has {self.freedoms} freedoms",
+            Outcome.CHANGED,
+        )
+        mechanism = moved.mechanism
+        return replace(moved, mechanism=replace(mechanism, notes=(*mechanism.notes, summary, *notes)))
+
+
+def _name_loops(chain: ClosedChain) -> str:
+    names = [f"'{loop.name}'" for loop in chain.loops]
+    return f"loop{'s' * (len(names) > 1)} {', '.join(names[:3])}{' and more' * (len(names) > 3)}"
 
 
 class _Walk:
@@ -397,43 +458,6 @@ def _of_size(chain: ClosedChain, size: float) -> ClosedChain:
     sized = replace(chain)
     sized.__dict__["length_scale"] = size
     return sized
-
-
-def _told(
-    chain: ClosedChain,
-    moved: ClosedChain,
-    places: Sequence[_Place],
-    forgiven: float,
-    gap: float,
-    values: FloatArray,
-) -> ClosedChain:
-    """Add notes of what was moved, no more than digits explain."""
-    notes: list[Note] = []
-    total = 0.0
-    for place in places:
-        before, after = (_placement(one.mechanism, place) for one in (chain, moved))
-        move = before.inverse() * after
-        # The logarithm of a rotation is lost in round-off where the angle is below 1e-8.
-        turn = float(np.linalg.norm(pin.unSkew((move.rotation - move.rotation.T) / 2)))
-        shift = float(np.linalg.norm(move.translation))
-        total += (shift / chain.length_scale) ** 2 + turn**2
-        text = f"moved by {shift:.2g} m and turned by {turn:.2g} rad, as the loops need to keep their freedom"
-        notes.append(Note(str(place), text, Outcome.CHANGED))
-    if np.sqrt(total) > forgiven:
-        why = (
-            f"the nearest mechanism that has them is {np.sqrt(total):.2g} away, more than the digits explain"
-        )
-        raise _undecided(chain, gap, values, why)
-    freedoms = chain.nv - (min(chain.nc, chain.nv) - values.size)
-    shown = ", ".join(f"{value:.2g}" for value in values[:6]) + (", ..." if values.size > 6 else "")
-    summary = Note(
-        "loops",
-        f"close only to the digits of the file: the gap was {gap:.2g} robot sizes or radians at home, and the singular "
-        f"values {shown} were taken for digits; the mechanism has {freedoms} freedoms",
-        Outcome.CHANGED,
-    )
-    mechanism = moved.mechanism
-    return replace(moved, mechanism=replace(mechanism, notes=(*mechanism.notes, summary, *notes)))
 
 
 def _placement(mechanism: Mechanism, place: _Place) -> pin.SE3:

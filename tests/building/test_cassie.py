@@ -30,10 +30,13 @@ def chain(name: str, tmp_path_factory: pytest.TempPathFactory) -> stp.ClosedChai
     return cassie.load(name, tmp_path_factory.mktemp("cassie"))
 
 
-def test_every_file_closes_where_it_places_its_links(chain: stp.ClosedChain) -> None:
+def test_every_file_closes_where_it_places_its_links(chain: stp.ClosedChain, name: str) -> None:
     """Also with the loops of gears and rods: at zero, and at the home that was found."""
     zero = pin.neutral(chain.model)
-    assert np.abs(stp.loop_gap(chain, zero)).max() <= 1e-12
+    moved = "close only to the digits" in str(chain.report)
+    assert moved == (name == "cassie_v2")
+    # A tilt of 7e-8 rad, see below, times the few millimetres by which its rod is off the line of its hinges.
+    assert np.abs(stp.loop_gap(chain, zero)).max() <= (1e-9 if moved else 1e-12)
     assert np.abs(stp.loop_gap(chain, chain.q_home)).max() <= 1e-12
     assert chain.nu == 10 and chain.platform == "pelvis"
 
@@ -97,12 +100,16 @@ def test_the_pose_that_its_authors_recorded_closes(tmp_path) -> None:
                 assert lower - 1e-3 <= pose[joint.idx_q] <= upper + 1e-3, chain.model.names[number]
 
 
-def test_a_tilt_of_rounding_holds_the_right_foot_of_v2(tmp_path) -> None:
+@pytest.mark.parametrize("forgiven", [None, 1e-12])
+def test_a_tilt_of_rounding_holds_no_foot_of_v2(forgiven: float | None, tmp_path) -> None:
     """1.5708 for a right angle, and a rod pitched by 1.364 among links at 1.3439: hinges 7e-8 rad from parallel.
 
-    Bent, the left foot closes to round-off; the right one keeps a gap of that tilt times its rod of half a metre.
+    By its numbers the left foot, bent, closes to round-off; the right one keeps a gap of that tilt times its rod of
+    half a metre. By its digits both bend.
     """
-    chain = cassie.load("cassie_v2", tmp_path)
+    path = tmp_path / "cassie_v2.sdf"
+    path.write_text(cassie.text("cassie_v2"))
+    chain = stp.load(path, motors=cassie.motors("cassie_v2"), platform="pelvis", closure_tolerance=forgiven)
     sizes = {}
     for side in cassie.SIDES:
         q = pin.neutral(chain.model)
@@ -112,7 +119,11 @@ def test_a_tilt_of_rounding_holds_the_right_foot_of_v2(tmp_path) -> None:
         foot = closure.q[chain.model.joints[chain.model.getJointId(f"{side}-foot-op")].idx_q]
         sizes[side] = (closure.gap, foot)
     assert sizes["left"][0] < 1e-12 and sizes["left"][1] < -0.5
-    assert sizes["right"][0] > 1e-11 or sizes["right"][1] > -0.5
+    if forgiven is None:
+        assert sizes["right"][0] < 1e-12 and sizes["right"][1] < -0.5
+        assert "turned by 6.1e-08 rad" in str(chain.report)
+    else:
+        assert sizes["right"][0] > 1e-11 or sizes["right"][1] > -0.5
 
 
 def test_the_unphysical_rotor_is_named() -> None:

@@ -114,6 +114,63 @@ def test_a_home_is_found_within_the_limits(tmp_path: Path) -> None:
         assert_closed(stp.load(write(tmp_path, robot(*bars, CLOSED))))
 
 
+@pytest.mark.parametrize(("low", "high"), [(1.8, 2.5), (0.4, 0.6), (-1.2, -0.7), (-2.9, -2.5)])
+def test_home_is_within_the_limits_of_what_closes_its_loops(low: float, high: float, tmp_path: Path) -> None:
+    """The hinge that closes the four-bar has no coordinate; its limits are sought as those of the others are."""
+    limited = CLOSED.replace("</loop>", f'<limit lower="{low}" upper="{high}"/></loop>')
+    chain = stp.load(write(tmp_path, robot(*FOUR_BAR, limited)))
+    assert_closed(chain)
+    assert not stp.limits_exceeded(chain.at(chain.q_home))
+    assert "beyond its limits" not in str(chain.report)
+
+
+def test_a_home_that_the_limits_of_a_loop_exclude_is_told(tmp_path: Path) -> None:
+    limited = CLOSED.replace("</loop>", '<limit lower="0.4" upper="0.6"/></loop>')
+    chain = stp.load(write(tmp_path, robot(*FOUR_BAR, limited, home(**SQUARE))))
+    assert_closed(chain)
+    assert "home is beyond its limits: 'hinge' at 1.5708, allowed 0.4 to 0.6" in str(chain.report)
+
+
+def test_limits_that_leave_no_home_are_named(tmp_path: Path) -> None:
+    span = {"crank_turn": (2.0, 2.2), "rocker_turn": (0.9, 1.1), "coupler_turn": (-3.0, 3.0)}
+    bars = [
+        next(
+            (
+                part.replace(
+                    "</joint>", f'<limit lower="{low}" upper="{high}" effort="1" velocity="1"/></joint>'
+                )
+                for name, (low, high) in span.items()
+                if f'"{name}"' in part
+            ),
+            part,
+        )
+        for part in FOUR_BAR
+    ]
+    with pytest.raises(
+        MechanismError,
+        match=r"beyond its limits .*; within all limits a gap of 0\.\d+ m or rad is left, where",
+    ) as caught:
+        stp.load(write(tmp_path, robot(*bars, CLOSED)))
+    # The tips of crank and rocker are farther apart than the coupler is long; each could come nearer.
+    gap = np.hypot(1 + np.cos(1.1) - np.cos(2.0), np.sin(1.1) - np.sin(2.0)) - 1
+    told = float(re.search(r"a gap of ([\d.]+)", str(caught.value))[1])  # type: ignore[index]
+    assert "those of 'crank_turn', 'rocker_turn'" in str(caught.value)
+    assert gap / np.sqrt(2) <= told <= gap + 1e-3  # the larger of two components
+
+
+def test_what_cannot_close_names_its_loop_and_leaves_the_others_out(tmp_path: Path) -> None:
+    """Two four-bars in one file: the second one's loop is told, by the name it has."""
+    second = [part.replace("base", "base").replace('name="', 'name="other_') for part in FOUR_BAR[1:]]
+    second = [re.sub(r'link="(?!base)', 'link="other_', part) for part in second]
+    far = (
+        CLOSED.replace('name="', 'name="other_')
+        .replace('link="', 'link="other_')
+        .replace("1 0 0", "9 0 0", 1)
+    )
+    with pytest.raises(MechanismError, match=r"the smallest gap found is \d.* m, at loop 'other_hinge'"):
+        stp.load(write(tmp_path, robot(*FOUR_BAR, CLOSED, *second, far)))
+
+
 @pytest.mark.parametrize("kind", ["revolute", "cylindrical", "planar", "prismatic", "fixed"])
 @pytest.mark.parametrize("given", [True, False])
 def test_flipped_axes_are_refused(kind: str, given: bool, tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,9 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
+from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError, MechanismError
+from stewart_pin.model.description import Link, Mechanism
 from stewart_pin.state.newton import rank_at_precision
 from tests.printed import half_unit, round_places, turned_frames
 from tests.zoo.table import ZOO, zoo_chain
@@ -63,6 +67,59 @@ def test_axes_in_line_but_for_digits_are_no_length(style: str, tmp_path: Path) -
     stp.export(exact, path)
     round_places(path, style)
     assert_the_same(stp.load(path, gravity=exact.gravity), exact, style)
+
+
+def side_by_side(chains: Sequence[stp.ClosedChain]) -> stp.ClosedChain:
+    """Stand mechanisms on one ground, two metres apart and each turned."""
+    links, joints, loops = [Link("ground")], [], []
+    for k, chain in enumerate(chains):
+        old, ground = chain.described(), chain.mechanism.root
+        place = pin.SE3(pin.utils.rotate("z", 0.37 * k), np.array([0.0, 2.0 * k, 0.0]))
+
+        def named(link: str, k: int = k, ground: str = ground) -> str:
+            return "ground" if link == ground else f"{link}_{k}"
+
+        def placed(placement: pin.SE3, link: str, place: pin.SE3 = place, ground: str = ground) -> pin.SE3:
+            return place * placement if link == ground else placement
+
+        links += [replace(link, name=named(link.name)) for link in old.links if link.name != ground]
+        joints += [
+            replace(
+                joint,
+                name=f"{joint.name}_{k}",
+                parent=named(joint.parent),
+                child=named(joint.child),
+                placement=placed(joint.placement, joint.parent),
+            )
+            for joint in old.joints
+        ]
+        loops += [
+            replace(
+                loop,
+                name=f"{loop.name}_{k}",
+                link1=named(loop.link1),
+                link2=named(loop.link2),
+                placement1=placed(loop.placement1, loop.link1),
+                placement2=placed(loop.placement2, loop.link2),
+            )
+            for loop in old.loops
+        ]
+    return build_chain(Mechanism("row", tuple(links), tuple(joints), tuple(loops)), motors=[])
+
+
+@pytest.mark.parametrize("style", ["5f", "9f"])
+def test_linkages_side_by_side_keep_their_freedoms(style: str, tmp_path: Path) -> None:
+    """Together they are too large to look for one that moves; each is found for itself."""
+    names = ["crank_rocker", "bennett", "crank_rocker", "spherical_4r", "crank_rocker", "crank_rocker"]
+    exact = side_by_side([turned_frames(zoo_chain(name), seed=k) for k, name in enumerate(names)])
+    path = tmp_path / "row.urdf"
+    stp.export(exact, path)
+    round_places(path, style)
+    printed = stp.load(path)
+    assert stp.mobility(printed).dof == stp.mobility(exact).dof == len(names)
+    off = pin.difference(exact.model, exact.q_home, printed.q_home) / exact.tangent_scale
+    assert np.abs(off).max() <= HOME * half_unit(style)
+    assert np.abs(stp.loop_gap(printed, printed.q_home)).max() <= 1e-12 * printed.length_scale
 
 
 @pytest.mark.parametrize("style", ["4f", "6f", "9f"])
