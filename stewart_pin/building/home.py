@@ -36,6 +36,8 @@ _INSET = 1e-5
 """How far from a limit the search stays, in robot sizes or radians: closing the rest moves joints by less."""
 _AT_END = 1e-4
 """Room, in robot sizes or radians, that is none."""
+_ROUNDING = 0.02
+"""Largest gap, in robot sizes or radians, that may be rounding if somebody says so."""
 _PRESSED = 0.05
 """Share of the steepest descent of the gap that a joint at its limit has, if that stands in the way."""
 
@@ -109,7 +111,7 @@ def settle_parts(
         mechanism = replace(chain.mechanism, joints=tuple(joints.values()), loops=tuple(loops.values()))
         chain = replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
         chain.__dict__["length_scale"] = size or chain.length_scale
-    if chain.mechanism.home_is_guess:
+    if not chain.mechanism.assembled:
         notes += _told_of(chain, q)
     beyond = chain.judge.positions(q, slack=HOME_IN_FILE)
     names = chain.limits.names[chain.nv :]
@@ -128,7 +130,7 @@ def _start(chain: ClosedChain, parts: list[Part]) -> tuple[Configuration, list[N
     alone = np.ones(chain.nq, dtype=bool)
     for part in parts:
         alone[part.at] = False
-    given = _in_configuration(chain, _named_entries(chain)) & (not assembled)
+    given = _in_configuration(chain, _leeway(chain) < np.inf) & (not assembled)
     notes: list[Note] = []
     for excess in _outside(chain, guess):
         at = chain.model.joints[chain.model.getJointId(excess.joint)].idx_q
@@ -146,13 +148,15 @@ def _start(chain: ClosedChain, parts: list[Part]) -> tuple[Configuration, list[N
 # ----------------------------------------------------------------------------------------------------
 
 
-def settle_alone(chain: ClosedChain) -> ClosedChain:
+def settle_alone(chain: ClosedChain, slack: float = HOME_IN_FILE) -> ClosedChain:
     """Find the home of a chain whose loops all share joints.
 
     Parameters
     ----------
     chain
         Chain whose home is a guess.
+    slack
+        How far closing the loops may move a joint that the home names, in robot sizes and radians.
 
     Returns
     -------
@@ -166,15 +170,15 @@ def settle_alone(chain: ClosedChain) -> ClosedChain:
     """
     if chain.mechanism.assembled:
         return _settle_assembled(chain)
-    given = _named_entries(chain)
+    leeway = _leeway(chain, slack)
     guess = home_guess(chain)
     direct = polish(chain, guess)
-    fault = _fault(chain, guess, direct, given)
+    fault = _fault(chain, guess, direct, leeway)
     if not fault and not _beyond_cones(chain, direct.q).any():
         return chain.with_home(direct.q)
-    found = _search(chain, guess, given)
+    found = _search(chain, guess, leeway)
     if isinstance(found, _Stuck) and fault:
-        raise _no_home(chain, guess, given, fault, found)
+        raise _no_home(chain, guess, leeway, fault, found)
     return chain.with_home(direct.q if isinstance(found, _Stuck) else found)
 
 
@@ -195,17 +199,17 @@ def near_home(chain: ClosedChain, precision: float, *, searching: bool) -> Confi
     numpy.ndarray or None
         (nq,) configuration inside the joint limits [m, rad, unit quaternions], or None where there is none.
     """
-    given = _named_entries(chain)
+    leeway = _leeway(chain, max(HOME_IN_FILE, precision))
     assembled = chain.mechanism.assembled
     guess = home_guess(chain, inside=not assembled)
     near = close_at_precision(chain, guess, precision).state
     if near.largest_gap <= precision and not near.opposed():
-        inside = assembled or not (_moved(chain, guess, near.q, given) or _outside(chain, near.q))
+        inside = assembled or not (_moved(chain, guess, near.q, leeway) or _outside(chain, near.q))
         if inside and (assembled or not _beyond_cones(chain, near.q).any()):
             return near.q
     if assembled or not searching:
         return None
-    found = _search(chain, guess, given, precision)
+    found = _search(chain, guess, leeway, precision)
     return None if isinstance(found, _Stuck) else found
 
 
@@ -310,17 +314,18 @@ def home_guess(chain: ClosedChain, *, inside: bool = True) -> Configuration:
     return pin.normalize(chain.model, q)
 
 
-def _named_entries(chain: ClosedChain) -> BoolArray:
-    """Mark the tangent entries of the joints that the home names: (nv,) of bool."""
-    named = np.zeros(chain.nv, dtype=bool)
+def _leeway(chain: ClosedChain, slack: float = HOME_IN_FILE) -> FloatArray:
+    """(nv,) how far closing may move each tangent entry, natural units: a slack where the home names its joint."""
+    leeway = np.full(chain.nv, np.inf)
     if chain.mechanism.home_is_guess:
-        return named
+        return leeway
     for name, joint in zip(chain.model.names[1:], chain.model.joints[1:], strict=True):
-        named[joint.idx_v : joint.idx_v + joint.nv] = name in chain.mechanism.home
-    return named
+        if name in chain.mechanism.home:
+            leeway[joint.idx_v : joint.idx_v + joint.nv] = slack
+    return leeway
 
 
-def _fault(chain: ClosedChain, guess: Configuration, closure: Closure, given: BoolArray) -> str:
+def _fault(chain: ClosedChain, guess: Configuration, closure: Closure, leeway: FloatArray) -> str:
     """Say what keeps a configuration from being home."""
     if not closure.success:
         if "axes against each other" in closure.reason:
@@ -335,7 +340,7 @@ def _fault(chain: ClosedChain, guess: Configuration, closure: Closure, given: Bo
         worst = max(range(len(chain.loops)), key=lambda k: gaps[chain.loop_table.slices[k]].max())
         loop = chain.loops[worst].name
         return f"the loops do not close, the smallest gap found is {closure.gap:.3g} m, at loop '{loop}'"
-    moved = _moved(chain, guess, closure.q, given)
+    moved = _moved(chain, guess, closure.q, leeway)
     return moved or next(map(_stands_beyond, _outside(chain, closure.q)), "")
 
 
@@ -348,13 +353,13 @@ class _Stuck:
 
 
 def _search(
-    chain: ClosedChain, start: Configuration, given: BoolArray, precision: float = 0.0
+    chain: ClosedChain, start: Configuration, leeway: FloatArray, precision: float = 0.0
 ) -> Configuration | _Stuck:
     """Close the loops inside the limits, from near the start first; those of balls and of loops as far as they go."""
     found: Configuration | _Stuck = _Stuck(np.inf)
     for cones in (False, True):
-        for guess in _guesses(chain, start, ~given):
-            trial = _bounded(chain, guess, given, precision, cones)
+        for guess in _guesses(chain, start, leeway == np.inf):
+            trial = _bounded(chain, guess, leeway, precision, cones)
             if not isinstance(trial, _Stuck):
                 if cones or not _beyond_cones(chain, trial).any():
                     return trial
@@ -385,7 +390,7 @@ def _outermost(chain: ClosedChain, q: Configuration) -> Configuration:
 
 
 def _bounded(
-    chain: ClosedChain, guess: Configuration, given: BoolArray, precision: float, cones: bool
+    chain: ClosedChain, guess: Configuration, leeway: FloatArray, precision: float, cones: bool
 ) -> Configuration | _Stuck:
     """Gauss-Newton steps within the limits until the loops are nearly closed, then to the last bit.
 
@@ -397,7 +402,7 @@ def _bounded(
     for _ in range(_STEPS):
         if np.abs(residual).max() < max(_ENOUGH, precision / 2):
             break
-        lower, upper = _room(chain, state.q, guess, given)
+        lower, upper = _room(chain, state.q, guess, leeway)
         jacobian = state.rows
         if cones:
             jacobian = np.vstack([jacobian, _cone_rates(chain, state.q)])
@@ -408,18 +413,18 @@ def _bounded(
         if np.linalg.norm(left) < np.linalg.norm(residual):
             state, residual, damping = trial, left, max(damping / 5, 1e-9)
         elif damping > 1e3:
-            return _stuck(chain, state, guess, given)
+            return _stuck(chain, state, guess, leeway)
         else:
             damping *= 5
     else:
-        return _stuck(chain, state, guess, given)
+        return _stuck(chain, state, guess, leeway)
     closure = None if precision else polish(chain, state.q)
     q = np.array(state.q) if closure is None else closure.q
-    if (closure is not None and not closure.success) or _moved(chain, guess, q, given):
-        return _stuck(chain, state, guess, given)
-    q = np.where(_in_configuration(chain, ~given), unwound(chain, q), q)
+    if (closure is not None and not closure.success) or _moved(chain, guess, q, leeway):
+        return _stuck(chain, state, guess, leeway)
+    q = np.where(_in_configuration(chain, leeway == np.inf), unwound(chain, q), q)
     beyond = _outside(chain, q) or (cones and _beyond_cones(chain, q).any())
-    return _stuck(chain, state, guess, given) if beyond else q
+    return _stuck(chain, state, guess, leeway) if beyond else q
 
 
 def _residual(chain: ClosedChain, state: State, cones: bool) -> FloatArray:
@@ -427,18 +432,18 @@ def _residual(chain: ClosedChain, state: State, cones: bool) -> FloatArray:
     return np.concatenate([gap, _beyond_cones(chain, state.q, _INSET)]) if cones else gap
 
 
-def _stuck(chain: ClosedChain, state: State, guess: Configuration, given: BoolArray) -> _Stuck:
+def _stuck(chain: ClosedChain, state: State, guess: Configuration, leeway: FloatArray) -> _Stuck:
     """Name the joints at whose limits the gap would shrink beyond."""
-    lower, upper = _room(chain, state.q, guess, given)
+    lower, upper = _room(chain, state.q, guess, leeway)
     downhill = -state.rows.T @ state.relative_gap
     pressed = ((lower > -_AT_END) & (downhill < 0)) | ((upper < _AT_END) & (downhill > 0))
     share = np.abs(downhill) >= _PRESSED * np.abs(downhill).max(initial=0.0)
-    names = [chain.tangent_names[k] for k in np.flatnonzero(pressed & ~given & share)]
+    names = [chain.tangent_names[k] for k in np.flatnonzero(pressed & (leeway == np.inf) & share)]
     return _Stuck(float(np.abs(state.gap).max(initial=0.0)), tuple(names))
 
 
 def _room(
-    chain: ClosedChain, q: Configuration, guess: Configuration, given: BoolArray
+    chain: ClosedChain, q: Configuration, guess: Configuration, leeway: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """How far each tangent entry may go at once in natural units: to its limits, and named joints hardly at all."""
     lower, upper = np.full(chain.nv, -_LEAP), np.full(chain.nv, _LEAP)
@@ -455,8 +460,8 @@ def _room(
             # A start outside its range, as a home with few digits may be, is not thrown back at once.
             lower[k], upper[k] = max(lower[k], min(low, 0.0)), min(upper[k], max(high, 0.0))
     moved = pin.difference(chain.model, guess, q) / chain.tangent_scale
-    lower[given] = -0.9 * HOME_IN_FILE - moved[given]
-    upper[given] = 0.9 * HOME_IN_FILE - moved[given]
+    named = leeway < np.inf
+    lower[named], upper[named] = -0.9 * leeway[named] - moved[named], 0.9 * leeway[named] - moved[named]
     return np.minimum(lower, -1e-12), np.maximum(upper, 1e-12)
 
 
@@ -492,26 +497,29 @@ def _in_configuration(chain: ClosedChain, entries: BoolArray) -> BoolArray:
 
 
 def _no_home(
-    chain: ClosedChain, guess: Configuration, given: BoolArray, fault: str, stuck: _Stuck
+    chain: ClosedChain, guess: Configuration, leeway: FloatArray, fault: str, stuck: _Stuck
 ) -> MechanismError:
     """Say why there is no home, by the best that can be had without limits, and which limits stand in the way."""
+    smallest = polish(chain, guess)
     if "do not close" in fault:
-        smallest = polish(chain, guess)
-        for trial in _guesses(chain, guess, ~given):
+        for trial in _guesses(chain, guess, leeway == np.inf):
             closure = polish(chain, trial)
-            own = _fault(chain, guess, closure, given)
+            own = _fault(chain, guess, closure, leeway)
             if closure.success and own:
                 fault = own
                 break
             smallest = min(smallest, closure, key=lambda c: c.gap)
         else:
-            fault = _fault(chain, guess, smallest, given) or fault
+            fault = _fault(chain, guess, smallest, leeway) or fault
     if stuck.held and "beyond its limits" in fault:
         held = ", ".join(f"'{name}'" for name in stuck.held)
         fault += (
             f"; within all limits a gap of {stuck.gap:.3g} m or rad is left, where those of {held} "
             "stand in the way"
         )
+    gap = smallest.state.largest_gap
+    if "do not close" in fault and gap < _ROUNDING:
+        fault += f"; if that is rounding, load with closure_tolerance={2 * gap:.1g}, or more"
     return _wrong_home(chain, fault)
 
 
@@ -529,18 +537,21 @@ def _stands_beyond(excess: Excess) -> str:
     return f"joint '{excess.joint}' would stand at {excess.value:.6g}, beyond its limits {least:.6g} to {most:.6g}"
 
 
-def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, given: BoolArray) -> str:
-    moved = np.abs(pin.difference(chain.model, guess, q) / chain.tangent_scale) * given
-    if moved.max(initial=0.0) <= HOME_IN_FILE:
+def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, leeway: FloatArray) -> str:
+    moved = np.abs(pin.difference(chain.model, guess, q) / chain.tangent_scale)
+    worst = int(np.argmax(np.where(moved > leeway, moved, 0.0)))
+    if not moved[worst] > leeway[worst]:
         return ""
-    worst = int(np.argmax(moved))
     return f"closing them moves joint '{chain.tangent_names[worst]}' by {moved[worst]:.3g} robot sizes or radians"
 
 
 def _told_of(chain: ClosedChain, q: Configuration) -> list[Note]:
-    """Tell in the report when a home that was only a guess is another configuration than the file's."""
-    moved = _moved(chain, home_guess(chain), q, np.ones(chain.nv, dtype=bool))
-    return [Note("home", f"{moved}, as loops and limits demand", Outcome.CHANGED)] if moved else []
+    """Tell in the report when home is another configuration than the file's, by digits or because that was a guess."""
+    guess = chain.mechanism.home_is_guess
+    leeway = np.full(chain.nv, HOME_IN_FILE) if guess else _leeway(chain)
+    moved = _moved(chain, home_guess(chain), q, leeway)
+    why = "as loops and limits demand" if guess else "which the digits of the file explain"
+    return [Note("home", f"{moved}, {why}", Outcome.CHANGED)] if moved else []
 
 
 def _outside(chain: ClosedChain, q: Configuration) -> tuple[Excess, ...]:

@@ -26,7 +26,7 @@ from stewart_pin.model.tree import build_tree
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.newton import close_at_precision, displaced
 from stewart_pin.state.state import State
-from stewart_pin.tolerances import CLOSED, ROUND_OFF_STEPS
+from stewart_pin.tolerances import CLOSED, HOME_IN_FILE, ROUND_OFF_STEPS
 from stewart_pin.typing import Configuration, FloatArray
 
 _COARSEST = 5e-3
@@ -114,7 +114,7 @@ def _settle_part(chain: ClosedChain, forgiven: float | Precision, size: float) -
     if moved is not None:
         return moved
     try:
-        settled = settle_alone(chain)
+        settled = settle_alone(chain, max(HOME_IN_FILE, forgiven))
     except MechanismError:
         near = near_home(printed, forgiven, searching=True)
         try:

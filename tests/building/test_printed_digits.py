@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -123,11 +124,13 @@ def test_linkages_side_by_side_keep_their_freedoms(style: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("style", ["4f", "6f", "9f"])
-@pytest.mark.parametrize("format", ["drake", "isaac", "gepetto", "mjcf"])
+@pytest.mark.parametrize("format", ["drake", "isaac", "gepetto", "mjcf", "sdf"])
 @pytest.mark.parametrize("name", ["crank_rocker", "bennett"])
 def test_every_dialect_keeps_them(name: str, format: str, style: str, tmp_path: Path) -> None:
-    exact = stp.build.loops_by_balls(turned_frames(zoo_chain(name), seed=4))
-    path = tmp_path / ("printed.xml" if format == "mjcf" else "printed.urdf")
+    exact = turned_frames(zoo_chain(name), seed=4)
+    if format != "sdf":
+        exact = stp.build.loops_by_balls(exact)
+    path = tmp_path / {"mjcf": "printed.xml", "sdf": "printed.sdf"}.get(format, "printed.urdf")
     stp.export(exact, path, format=format)
     for file in tmp_path.iterdir():
         round_places(file, style)
@@ -136,6 +139,39 @@ def test_every_dialect_keeps_them(name: str, format: str, style: str, tmp_path: 
     right = rest_effort(exact, exact.q_home)
     error = np.abs(rest_effort(printed, printed.q_home) - right).max()
     assert error <= EFFORT * half_unit(style) * max(1.0, np.abs(right).max())
+
+
+@pytest.mark.parametrize(
+    ("name", "format"), [("linear_delta", "urdf+"), ("tripod_3upu", "sdf"), ("double_cardan", "sdf")]
+)
+def test_four_decimals_are_enough(name: str, format: str, tmp_path: Path) -> None:
+    """Small robots, whose named home the roundings move by more than a thousandth; axes at right angles but for them."""
+    exact = turned_frames(zoo_chain(name), seed=3)
+    path = tmp_path / ("printed.sdf" if format == "sdf" else "printed.urdf")
+    stp.export(exact, path, format=format)  # type: ignore[arg-type]
+    round_places(path, "4f")
+    printed = stp.load(path, gravity=exact.gravity)
+    assert stp.mobility(printed).dof == stp.mobility(exact).dof
+    apart = pin.log6(
+        stp.platform_pose(exact, exact.q_home).actInv(stp.platform_pose(printed, printed.q_home))
+    ).vector
+    assert np.abs(apart / exact.twist_sizes).max() <= 5e-3
+    if name == "linear_delta":
+        assert "which the digits of the file explain" in str(printed.report)
+        with pytest.raises(MechanismError, match=r"closing them moves joint 'platform_pose wz' by 0\.00"):
+            stp.load(path, closure_tolerance=1e-4)
+
+
+def test_what_digits_do_not_explain_may_be_said_to_be_rounding(tmp_path: Path) -> None:
+    """Three digits are meant as they stand, unless asked; the message says how."""
+    exact = stp.build.loops_by_balls(turned_frames(zoo_chain("agile_eye"), seed=3))
+    path = tmp_path / "printed.xml"
+    stp.export(exact, path, format="mjcf")
+    round_places(path, "4f")
+    with pytest.raises(MechanismError, match=r"rounding.*closure_tolerance=0\.0\d+") as caught:
+        stp.load(path)
+    tolerance = float(re.search(r"closure_tolerance=([\d.]+)", str(caught.value))[1])  # type: ignore[index]
+    assert stp.mobility(stp.load(path, closure_tolerance=tolerance)).dof == stp.mobility(exact).dof
 
 
 @pytest.mark.parametrize("seed", range(4))

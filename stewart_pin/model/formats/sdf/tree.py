@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -27,6 +28,7 @@ from stewart_pin.model.description import (
     Span,
     loop_coordinates,
 )
+from stewart_pin.model.formats.precision import printed_precision
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope, motion
 from stewart_pin.model.formats.sdf.joints import (
     GEARBOX,
@@ -223,7 +225,7 @@ def _cut(
             joint.parent,
             joint.child,
             joint.in_parent,
-            independent=joint.name in needed or joint.lead != 0.0 or _leans(joint),
+            independent=joint.name in needed or joint.lead != 0.0 or _leans(joint, source),
         )
         for joint in hanging
     ]
@@ -242,17 +244,22 @@ def _cut(
     return {joint.name for joint in kept}
 
 
-def _leans(joint: SdfJoint) -> bool:
-    """Tell whether a joint of two axes does not have them at right angles: no loop of ours."""
+_LEANING = 4.0
+"""Roundings of a file that add up between two axes: three entries of either, and their frames."""
+
+
+def _leans(joint: SdfJoint, source: str) -> bool:
+    """Tell whether a joint of two axes does not have them at right angles, but for digits: no loop of ours."""
     if joint.kind is not JointKind.UNIVERSAL:
         return False
     first, second = joint.axes
-    return abs(float(first.direction @ second.direction)) > PRINTED
+    lean = abs(float(first.direction @ second.direction))
+    return lean > PRINTED and lean > _LEANING * printed_precision(Path(source)).angle
 
 
 def _close(joint: SdfJoint, source: str) -> Loop:
-    if joint.lead != 0.0 or _leans(joint):
-        fault = ": its axes are not at right angles" if _leans(joint) else ""
+    if joint.lead != 0.0 or _leans(joint, source):
+        fault = ": its axes are not at right angles" if _leans(joint, source) else ""
         raise FileFormatError(
             f"joint '{joint.name}' of type '{joint.written}' cannot close a loop{fault}; take its "
             "<must_be_loop_joint> off, and mark another joint of the loop",
