@@ -9,9 +9,10 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import lsq_linear
 
-from stewart_pin.building.parts import Part, independent_parts
+from stewart_pin.building.parts import Part, part_of
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import JointKind, Note, Outcome
+from stewart_pin.model.loop_table import independent_groups
 from stewart_pin.model.tree import build_tree
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import clipped, random_configuration, unwound
@@ -92,7 +93,7 @@ def settle_parts(
     MechanismError
         As `settle` does.
     """
-    parts = independent_parts(chain)
+    parts = _parts(chain)
     q, notes = _start(chain, parts)
     joints, loops = ({part.name: part for part in old} for old in (chain.mechanism.joints, chain.loops))
     moved = False
@@ -121,6 +122,21 @@ def settle_parts(
         if excess.joint in names
     ]
     return chain.with_home(q, *notes)
+
+
+def _parts(chain: ClosedChain) -> list[Part]:
+    """Split a chain into loops and couplings that share no joint."""
+    groups = independent_groups(chain.loop_table, chain.model)
+    everything = Part(chain, np.arange(chain.nq), tuple(chain.model.names)[1:])
+    if len(groups) == 1 and groups[0][1].all():
+        return [everything]
+    # A loop between links that nothing moves closes or not, whatever the others do: it goes with the first of them.
+    still = [rows for rows, entries in groups if not entries.any()]
+    moving = [(rows, entries) for rows, entries in groups if entries.any()]
+    if not moving:
+        return [everything] if still else []
+    moving[0] = (np.logical_or.reduce([moving[0][0], *still]), moving[0][1])
+    return [part_of(chain, rows, entries) for rows, entries in moving]
 
 
 def _start(chain: ClosedChain, parts: list[Part]) -> tuple[Configuration, list[Note]]:

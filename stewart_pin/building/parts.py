@@ -31,34 +31,23 @@ class Part:
     joints: tuple[str, ...]
 
 
-def independent_parts(chain: ClosedChain) -> list[Part]:
-    """Split a chain into loops and couplings that share no joint.
+def part_of(chain: ClosedChain, rows: BoolArray, entries: BoolArray) -> Part:
+    """Leave out of a chain what has nothing to do with some of its loops.
 
     Parameters
     ----------
     chain
         Closed chain, loops perhaps open.
+    rows
+        (nc,) rows of these loops and couplings.
+    entries
+        (nv,) tangent entries that move them.
 
     Returns
     -------
-    list of Part
-        In the order of their first rows; joints in no loop and no coupling are in none.
+    Part
+        A chain whose loops are open by the same gaps.
     """
-    groups = _groups(chain)
-    everything = Part(chain, np.arange(chain.nq), tuple(chain.model.names)[1:])
-    if len(groups) == 1 and groups[0][1].all():
-        return [everything]
-    # A loop between links that nothing moves closes or not, whatever the others do: it goes with the first of them.
-    still = [rows for rows, entries in groups if not entries.any()]
-    moving = [(rows, entries) for rows, entries in groups if entries.any()]
-    if not moving:
-        return [everything] if still else []
-    moving[0] = (np.logical_or.reduce([moving[0][0], *still]), moving[0][1])
-    return [_part(chain, rows, entries) for rows, entries in moving]
-
-
-def _part(chain: ClosedChain, rows: BoolArray, entries: BoolArray) -> Part:
-    """Leave out of a chain what has nothing to do with some rows: which rows move, none of the rest changes."""
     old, table = chain.mechanism, chain.loop_table
     names = tuple(
         name
@@ -96,30 +85,3 @@ def _part(chain: ClosedChain, rows: BoolArray, entries: BoolArray) -> Part:
     whole = [chain.model.joints[chain.model.getJointId(name)] for name in model.names[1:]]
     at = np.concatenate([np.arange(joint.idx_q, joint.idx_q + joint.nq) for joint in whole])
     return Part(part, at, names)
-
-
-def _groups(chain: ClosedChain) -> list[tuple[BoolArray, BoolArray]]:
-    """Rows and tangent entries of each set of loops that share joints with no other set."""
-    touched = chain.loop_table.row_difference != 0
-    coupling = chain.loop_table.coupling
-    for k, row in enumerate(coupling.index):
-        touched[row, [entry for entry in (coupling.v1[k], coupling.v2[k]) if entry >= 0]] = True
-        touched[row] |= coupling.ratios_v[k] != 0
-    # Entries of one joint move together.
-    for joint in chain.model.joints[1:]:
-        own = slice(joint.idx_v, joint.idx_v + joint.nv)
-        touched[:, own] = touched[:, own].any(axis=1, keepdims=True)
-    left = np.ones(chain.nc, dtype=bool)
-    groups: list[tuple[BoolArray, BoolArray]] = []
-    while left.any():
-        rows = np.zeros(chain.nc, dtype=bool)
-        rows[np.argmax(left)] = True
-        while True:
-            entries = touched[rows].any(axis=0)
-            more = touched[:, entries].any(axis=1) | rows
-            if (more == rows).all():
-                break
-            rows = more
-        groups.append((rows, entries))
-        left &= ~rows
-    return groups

@@ -12,7 +12,7 @@ from numpy.polynomial.polynomial import polyder, polyval
 from stewart_pin.model.description import JointKind, Loop, Mechanism
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, Row, closure_rows, orthonormal_triad
 from stewart_pin.model.tree import link_frame
-from stewart_pin.typing import FloatArray
+from stewart_pin.typing import BoolArray, FloatArray
 
 _HELD = (JointKind.FIXED, JointKind.PRISMATIC)
 """Loops that hold all directions of frames 1 and 2 together."""
@@ -357,3 +357,44 @@ def _group(entries: list) -> RowGroup:
         vector2=np.array([getattr(row, "u2", zero) for _, _, row in entries], dtype=float).reshape(-1, 3),
         length=np.array([getattr(row, "length", 0.0) for _, _, row in entries], dtype=float),
     )
+
+
+def independent_groups(table: LoopTable, model: pin.Model) -> list[tuple[BoolArray, BoolArray]]:
+    """Sort loops and couplings into sets that share no joint.
+
+    Parameters
+    ----------
+    table
+        Loops and couplings.
+    model
+        Pinocchio model of the tree.
+
+    Returns
+    -------
+    list of tuple
+        (nc,) rows and (nv,) tangent entries of each set, in the order of their first rows; joints in no loop and no
+        coupling are in none.
+    """
+    touched = table.row_difference != 0
+    coupling = table.coupling
+    for k, row in enumerate(coupling.index):
+        touched[row, [entry for entry in (coupling.v1[k], coupling.v2[k]) if entry >= 0]] = True
+        touched[row] |= coupling.ratios_v[k] != 0
+    # Entries of one joint move together.
+    for joint in model.joints[1:]:
+        own = slice(joint.idx_v, joint.idx_v + joint.nv)
+        touched[:, own] = touched[:, own].any(axis=1, keepdims=True)
+    left = np.ones(table.size, dtype=bool)
+    groups: list[tuple[BoolArray, BoolArray]] = []
+    while left.any():
+        rows = np.zeros(table.size, dtype=bool)
+        rows[np.argmax(left)] = True
+        while True:
+            entries = touched[rows].any(axis=0)
+            more = touched[:, entries].any(axis=1) | rows
+            if (more == rows).all():
+                break
+            rows = more
+        groups.append((rows, entries))
+        left &= ~rows
+    return groups

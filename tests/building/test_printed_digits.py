@@ -145,7 +145,7 @@ def test_every_dialect_keeps_them(name: str, format: str, style: str, tmp_path: 
     ("name", "format"), [("linear_delta", "urdf+"), ("tripod_3upu", "sdf"), ("double_cardan", "sdf")]
 )
 def test_four_decimals_are_enough(name: str, format: str, tmp_path: Path) -> None:
-    """Small robots, whose named home the roundings move by more than a thousandth; axes at right angles but for them."""
+    """Of small robots the roundings move the named home by more than a thousandth, and axes from right angles."""
     exact = turned_frames(zoo_chain(name), seed=3)
     path = tmp_path / ("printed.sdf" if format == "sdf" else "printed.urdf")
     stp.export(exact, path, format=format)  # type: ignore[arg-type]
