@@ -364,6 +364,7 @@ def _fault(chain: ClosedChain, guess: Configuration, closure: Closure, leeway: F
 class _Stuck:
     """Where the search ended within the limits, and the joints that these keep from closing the loops further."""
 
+    q: Configuration
     gap: float
     held: tuple[str, ...] = ()
 
@@ -372,7 +373,7 @@ def _search(
     chain: ClosedChain, start: Configuration, leeway: FloatArray, precision: float = 0.0
 ) -> Configuration | _Stuck:
     """Close the loops inside the limits, from near the start first; those of balls and of loops as far as they go."""
-    found: Configuration | _Stuck = _Stuck(np.inf)
+    found: Configuration | _Stuck = _Stuck(start, np.inf)
     for cones in (False, True):
         for guess in _guesses(chain, start, leeway == np.inf):
             trial = _bounded(chain, guess, leeway, precision, cones)
@@ -414,20 +415,17 @@ def _bounded(
     are no bounds of a step, are equations where they are passed.
     """
     state = chain.at(pin.normalize(chain.model, np.array(guess)))
-    residual, damping = _residual(chain, state, cones), 1e-3
+    (residual, jacobian), damping = _equations(chain, state, cones), 1e-3
     for _ in range(_STEPS):
         if np.abs(residual).max() < max(_ENOUGH, precision / 2):
             break
-        lower, upper = _room(chain, state.q, guess, leeway)
-        jacobian = state.rows
-        if cones:
-            jacobian = np.vstack([jacobian, _cone_rates(chain, state.q)])
         system = np.vstack([jacobian, damping * np.eye(chain.nv)])
         right = np.concatenate([-residual, np.zeros(chain.nv)])
-        trial = displaced(state, lsq_linear(system, right, bounds=(lower, upper)).x)
-        left = _residual(chain, trial, cones)
-        if np.linalg.norm(left) < np.linalg.norm(residual):
-            state, residual, damping = trial, left, max(damping / 5, 1e-9)
+        step = lsq_linear(system, right, bounds=_room(chain, state.q, guess, leeway)).x
+        trial = displaced(state, step)
+        left = _equations(chain, trial, cones)
+        if np.linalg.norm(left[0]) < np.linalg.norm(residual):
+            state, (residual, jacobian), damping = trial, left, max(damping / 5, 1e-9)
         elif damping > 1e3:
             return _stuck(chain, state, guess, leeway)
         else:
@@ -443,9 +441,14 @@ def _bounded(
     return _stuck(chain, state, guess, leeway) if beyond else q
 
 
-def _residual(chain: ClosedChain, state: State, cones: bool) -> FloatArray:
-    gap = state.relative_gap
-    return np.concatenate([gap, _beyond_cones(chain, state.q, _INSET)]) if cones else gap
+def _equations(chain: ClosedChain, state: State, cones: bool) -> tuple[FloatArray, FloatArray]:
+    """Gap and its derivative in natural units; directions held together as a whole, or they end against each other."""
+    apart, turning = state.alignment
+    residual, jacobian = [state.relative_gap, apart], [state.rows, turning * chain.tangent_scale]
+    if cones:
+        residual.append(_beyond_cones(chain, state.q, _INSET))
+        jacobian.append(_cone_rates(chain, state.q))
+    return np.concatenate(residual), np.vstack(jacobian)
 
 
 def _stuck(chain: ClosedChain, state: State, guess: Configuration, leeway: FloatArray) -> _Stuck:
@@ -455,7 +458,7 @@ def _stuck(chain: ClosedChain, state: State, guess: Configuration, leeway: Float
     pressed = ((lower > -_AT_END) & (downhill < 0)) | ((upper < _AT_END) & (downhill > 0))
     share = np.abs(downhill) >= _PRESSED * np.abs(downhill).max(initial=0.0)
     names = [chain.tangent_names[k] for k in np.flatnonzero(pressed & (leeway == np.inf) & share)]
-    return _Stuck(float(np.abs(state.gap).max(initial=0.0)), tuple(names))
+    return _Stuck(np.array(state.q), float(np.abs(state.gap).max(initial=0.0)), tuple(names))
 
 
 def _room(
@@ -516,7 +519,7 @@ def _no_home(
     chain: ClosedChain, guess: Configuration, leeway: FloatArray, fault: str, stuck: _Stuck
 ) -> MechanismError:
     """Say why there is no home, by the best that can be had without limits, and which limits stand in the way."""
-    smallest = polish(chain, guess)
+    smallest = min(polish(chain, guess), polish(chain, stuck.q), key=lambda c: c.gap)
     if "do not close" in fault:
         for trial in _guesses(chain, guess, leeway == np.inf):
             closure = polish(chain, trial)

@@ -372,6 +372,34 @@ def opposed_loops(table: LoopTable, placed: PlacedJoints) -> list[int]:
     return [int(number) for number in loop[(one * two).sum(axis=1)[:, 0] < 0]]
 
 
+def alignment_of(table: LoopTable, placed: PlacedJoints, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Measure how far directions that should agree differ, which rows do not tell from directions that are opposed.
+
+    Parameters
+    ----------
+    table
+        Loops.
+    placed
+        Placements of the joints.
+    joints
+        (6, nv) joint Jacobians at the world origin [m, rad per m or rad].
+
+    Returns
+    -------
+    difference : numpy.ndarray
+        (3 n,) direction of frame 2 less that of frame 1, world axes, three for each pair, dimensionless.
+    jacobian : numpy.ndarray
+        (3 n, nv) its rate per tangent velocity [1 per m or rad].
+    """
+    loop, direction = table.aligned, table.directions[:, :, None]
+    one = (placed.rotation[table.at1[loop]] @ (table.rotation1[loop] @ direction))[:, :, 0]
+    two = (placed.rotation[table.at2[loop]] @ (table.rotation2[loop] @ direction))[:, :, 0]
+    turning1 = table.supports[loop][:, :, None] * joints[3:].T
+    turning2 = table.supports[loop + len(table.joint1)][:, :, None] * joints[3:].T
+    rates = np.cross(turning2, two[:, None]) - np.cross(turning1, one[:, None])
+    return (two - one).ravel(), rates.transpose(0, 2, 1).reshape(-1, joints.shape[1])
+
+
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Multiply vectors row by row; `numpy.cross` takes eight times as long for a few rows.
 

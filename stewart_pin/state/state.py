@@ -17,6 +17,7 @@ from stewart_pin.state.loop_rows import (
     Drive,
     MovingLoops,
     PlacedLoops,
+    alignment_of,
     bias_of,
     gap_of,
     jacobian_of,
@@ -120,6 +121,11 @@ class State:
     def J_c(self) -> FloatArray:
         """(nc, nv) loop Jacobian, the rate of the gap per tangent velocity [m and 1 per m or rad]."""
         return jacobian_of(self.chain.loop_table, self.row_wrenches, self._joints, self.q)
+
+    @once
+    def alignment(self) -> tuple[FloatArray, FloatArray]:
+        """(3 n,) by how much directions that loops hold together differ, and its (3 n, nv) Jacobian; dimensionless."""
+        return alignment_of(self.chain.loop_table, self._placed, self._joints)
 
     @once
     def _joint_rates(self) -> FloatArray:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
 
 import stewart_pin as stp
+from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import MechanismError
+from stewart_pin.model.description import Joint, JointKind, Link
 from stewart_pin.tolerances import HOME_IN_FILE
 from tests.closed_states import NAMES
 from tests.small_urdf import (
@@ -156,6 +160,36 @@ def test_limits_that_leave_no_home_are_named(tmp_path: Path) -> None:
     told = float(re.search(r"a gap of ([\d.]+)", str(caught.value))[1])  # type: ignore[index]
     assert "those of 'crank_turn', 'rocker_turn'" in str(caught.value)
     assert gap / np.sqrt(2) <= told <= gap + 1e-3  # the larger of two components
+
+
+def test_welds_are_not_closed_half_a_turn_off(rng: np.random.Generator) -> None:
+    """A ball and a weld in place of each ball that closes a loop; half of the welds start beyond a right angle."""
+    old = stp.load("stewart").described()
+    tips = {loop.name: f"{loop.name}_tip" for loop in old.loops}
+    joints = [
+        Joint(f"{loop.name}_ball", JointKind.SPHERICAL, loop.link1, tips[loop.name], loop.placement1)
+        for loop in old.loops
+    ]
+    loops = [
+        replace(
+            loop,
+            kind=JointKind.FIXED,
+            link1=tips[loop.name],
+            placement1=pin.SE3.Identity(),
+            placement2=loop.placement2 * pin.SE3(Rotation.random(rng=rng).as_matrix(), np.zeros(3)),
+        )
+        for loop in old.loops
+    ]
+    mechanism = replace(
+        old,
+        links=(*old.links, *(Link(tip) for tip in tips.values())),
+        joints=(*old.joints, *joints),
+        loops=tuple(loops),
+        home={},
+    )
+    chain = build_chain(mechanism)
+    assert chain.nc == 36
+    assert_closed(chain)
 
 
 def test_what_cannot_close_names_its_loop_and_leaves_the_others_out(tmp_path: Path) -> None:
