@@ -6,6 +6,6 @@ from stewart_pin.mechanics.forward_solutions import all_forward_kinematics as al
 from stewart_pin.mechanics.mobility import Mobility as Mobility
 from stewart_pin.state.freedom import FreedomCount as FreedomCount
 from stewart_pin.state.generic import generic_freedom as generic_freedom
+from stewart_pin.state.loop_verbs import constraint_models as constraint_models
 from stewart_pin.state.loop_verbs import loop_jacobian_rate as loop_jacobian_rate
 from stewart_pin.state.newton import Closure as Closure
-from stewart_pin.state.pinocchio_constraints import constraint_models as constraint_models

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import lsq_linear
 
-from stewart_pin.building.parts import Part, part_of
+from stewart_pin.building.body_graph import Part, part_of
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import JointKind, Note, Outcome
 from stewart_pin.model.loop_table import independent_groups

@@ -20,11 +20,10 @@ from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.kernels.kernels import Kernels, compile_kernels
 from stewart_pin.model.description import Coupling, JointKind
 from stewart_pin.programs.arrays import SingleState
-from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.passes import prepare
 from stewart_pin.programs.program import Program
 from stewart_pin.programs.status import StateBound
-from stewart_pin.programs.symbolic import writing
+from stewart_pin.programs.symbolic import program_from_casadi, writing
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.tolerances import CLOSED
 from stewart_pin.typing import FloatArray

@@ -19,7 +19,7 @@ from stewart_pin.mechanics.effort import Motion
 from stewart_pin.mechanics.inverse_dynamics import least_reactions
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.loop_rows import Drive
-from stewart_pin.state.pinocchio_constraints import reactions_from_pinocchio, unknown_to_pinocchio
+from stewart_pin.state.loop_verbs import reactions_from_pinocchio, unknown_to_pinocchio
 from stewart_pin.state.state import State, as_state, named_motion
 from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent

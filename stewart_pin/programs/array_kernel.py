@@ -25,13 +25,13 @@ from stewart_pin.programs.arrays import (
     require_apart,
     require_out,
 )
-from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.llvm.machine_code import Target, compile_for_ranges, host_target
 from stewart_pin.programs.llvm.module import module_for_ranges
 from stewart_pin.programs.passes import prepare
 from stewart_pin.programs.program import Program
 from stewart_pin.programs.repeating import Repeat, interpreted, require_repeat
 from stewart_pin.programs.status import StateBound, judge, require_bounds, written_outputs
+from stewart_pin.programs.symbolic import program_from_casadi
 from stewart_pin.typing import ArrayLike, FloatArray
 
 Engine = Literal["llvm", "numpy"]

@@ -20,7 +20,7 @@ from stewart_pin.model.tree import link_frame, mass_unit, with_masses_in
 from stewart_pin.state.describing import describe
 from stewart_pin.state.generic import Generic, find_generic
 from stewart_pin.state.limits import Judge
-from stewart_pin.state.pinocchio_constraints import ConstrainedDynamics, unknown_to_pinocchio
+from stewart_pin.state.loop_verbs import ConstrainedDynamics, unknown_to_pinocchio
 from stewart_pin.state.scratch import Pool, Scratch
 from stewart_pin.state.state import State, checked_state
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray

@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 import stewart_pin as stp
 from stewart_pin.building.hexapod_bodies import hexapod_bodies
-from stewart_pin.state.pinocchio_constraints import constraint_models
+from stewart_pin.state.loop_verbs import constraint_models
 from tests.kernels.hexapod_graph import sample_states
 from tests.oracles.test_mujoco import compiled
 

@@ -9,7 +9,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.formats.urdf import read_urdf
+from stewart_pin.model.formats.reading import read_urdf
 from tests.model.small_dialects import PLUGIN, TIP
 from tests.small_urdf import ARM, MOTOR, joint, link, robot, write
 

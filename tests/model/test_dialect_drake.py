@@ -9,7 +9,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.model.description import JointKind
-from stewart_pin.model.formats.urdf import read_urdf
+from stewart_pin.model.formats.reading import read_urdf
 from tests.model.small_dialects import DRAKE_BALL, drake_joint, square
 from tests.small_urdf import AXIS_Z, link, robot, write
 

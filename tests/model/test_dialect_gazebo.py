@@ -10,7 +10,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.model.description import JointKind, Loop
-from stewart_pin.model.formats.urdf import read_urdf
+from stewart_pin.model.formats.reading import read_urdf
 from tests.model.small_dialects import BALL, GAZEBO, HINGE, assert_same_motion, open_square
 from tests.small_urdf import MOTOR, joint, link, robot, write
 

@@ -9,7 +9,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import FileFormatError, MechanismError
-from stewart_pin.model.formats.urdf import read_urdf
+from stewart_pin.model.formats.reading import read_urdf
 from tests.small_urdf import ARM, MOTOR, robot, write
 
 BODY = '<inertial><mass value="{mass}"/><inertia ixx="{i}" ixy="0" ixz="{xz}" iyy="{i}" iyz="0" izz="{i}"/></inertial>'

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.model.formats.urdf import read_urdf
+from stewart_pin.model.formats.reading import read_urdf
 from stewart_pin.model.tree import build_tree, link_frame
 from stewart_pin.model.validation import validate
 from tests.small_urdf import ARM, MOTOR, bundled, joint, link, loop, robot, write

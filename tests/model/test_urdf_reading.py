@@ -11,7 +11,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import FileFormatError, MechanismError, MissingRoleError
 from stewart_pin.model.description import JointKind, Report
-from stewart_pin.model.formats.urdf import read_urdf
+from stewart_pin.model.formats.reading import read_urdf
 from tests.small_urdf import (
     ARM,
     AXIS_Z,

@@ -11,7 +11,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.model.description import JointKind
-from stewart_pin.model.formats.urdf import read_urdf
+from stewart_pin.model.formats.reading import read_urdf
 from tests.mechanisms import four_bar, two_bodies
 from tests.small_urdf import ARM, AXIS_Z, joint, link, robot, write
 from tests.zoo.table import ROBOTS

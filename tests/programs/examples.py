@@ -5,9 +5,9 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.passes import drop_dead
 from stewart_pin.programs.program import Instruction, Kind, Port, Program, ProgramBuilder, n_operands
+from stewart_pin.programs.symbolic import program_from_casadi
 from tests.kernels.hexapod_graph import eliminate
 
 EPS = np.finfo(np.float64).eps

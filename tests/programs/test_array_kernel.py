@@ -17,11 +17,11 @@ import pytest
 from stewart_pin.errors import InputError, MissingExtraError
 from stewart_pin.programs import array_kernel
 from stewart_pin.programs.array_kernel import ArrayKernel, compile_function
-from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.llvm import machine_code
 from stewart_pin.programs.passes import prepare
 from stewart_pin.programs.program import Program
 from stewart_pin.programs.status import StateBound, StateStatus
+from stewart_pin.programs.symbolic import program_from_casadi
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 
 pytest.importorskip("llvmlite")

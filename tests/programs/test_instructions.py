@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.program import Kind, operation_counts, require_output, run_program
+from stewart_pin.programs.symbolic import program_from_casadi
 
 
 def evaluated_by_casadi(function: ca.Function, inputs: list[np.ndarray]) -> list[np.ndarray]:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from stewart_pin.programs.array_kernel import ArrayKernel
-from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.llvm.machine_code import Target, assembly, load_llvm
 from stewart_pin.programs.llvm.module import module_for_ranges
 from stewart_pin.programs.passes import prepare
@@ -21,6 +20,7 @@ from stewart_pin.programs.program import (
     operation_counts,
     run_program,
 )
+from stewart_pin.programs.symbolic import program_from_casadi
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 from tests.programs.examples import (
     dense_solve,

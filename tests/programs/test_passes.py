@@ -8,9 +8,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.passes import drop_dead, fuse, prepare, share_reciprocals, simplify
 from stewart_pin.programs.program import Kind, Program, n_operations, operation_counts, run_program
+from stewart_pin.programs.symbolic import program_from_casadi
 from tests.kernels.hexapod_graph import sample_inverse_dynamics, sample_states
 from tests.programs.examples import random_program, round_off, unpolished_program
 

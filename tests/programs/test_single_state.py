@@ -8,8 +8,8 @@ import pytest
 
 from stewart_pin.errors import InputError
 from stewart_pin.programs.array_kernel import ArrayKernel, Engine
-from stewart_pin.programs.instructions import program_from_casadi
 from stewart_pin.programs.status import StateBound, StateStatus
+from stewart_pin.programs.symbolic import program_from_casadi
 
 pytest.importorskip("llvmlite")
 each_engine = pytest.mark.parametrize("engine", ["llvm", "numpy"])

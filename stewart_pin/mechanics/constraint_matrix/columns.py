@@ -26,7 +26,7 @@ from stewart_pin.typing import FloatArray
 # ----------------------------------------------------------------------------------------------------
 # What each kind of loop closure transmits, told a second time for the maximal-coordinate system
 #
-# This table is this system's own: it judges the rows of `stewart_pin.model.loop_rows`, so nothing of it comes from
+# This table is this system's own: it judges the rows of `stewart_pin.model.loop_table`, so nothing of it comes from
 # there. Entries stand in the order of the reactions, `ClosedChain.loop_table`.
 # ----------------------------------------------------------------------------------------------------
 

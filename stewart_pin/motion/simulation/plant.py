@@ -16,7 +16,7 @@ from stewart_pin.mechanics.forward_dynamics import forward_dynamics
 from stewart_pin.programs.arrays import SingleState
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.pinocchio_constraints import constraint_models
+from stewart_pin.state.loop_verbs import constraint_models
 from stewart_pin.state.state import State
 from stewart_pin.tolerances import CLOSED, NO_INERTIA
 from stewart_pin.typing import Configuration, FloatArray, Tangent
