@@ -124,13 +124,15 @@ def test_linkages_side_by_side_keep_their_freedoms(style: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize("style", ["4f", "6f", "9f"])
-@pytest.mark.parametrize("format", ["drake", "isaac", "gepetto", "mjcf", "sdf"])
+@pytest.mark.parametrize("format", ["drake", "isaac", "gepetto", "mjcf", "sdf", "usd"])
 @pytest.mark.parametrize("name", ["crank_rocker", "bennett"])
 def test_every_dialect_keeps_them(name: str, format: str, style: str, tmp_path: Path) -> None:
     exact = turned_frames(zoo_chain(name), seed=4)
-    if format != "sdf":
+    if format not in ("sdf", "usd"):
         exact = stp.build.loops_by_balls(exact)
-    path = tmp_path / {"mjcf": "printed.xml", "sdf": "printed.sdf"}.get(format, "printed.urdf")
+    if format == "usd":
+        pytest.importorskip("pxr")
+    path = tmp_path / f"printed{ {'mjcf': '.xml', 'sdf': '.sdf', 'usd': '.usda'}.get(format, '.urdf') }"
     stp.export(exact, path, format=format)
     for file in tmp_path.iterdir():
         round_places(file, style)

@@ -247,8 +247,7 @@ class JointReader:
         if told and mine is None:
             text = f"was changed since its words {OWN}... were written: these are passed over"
             stage.note(path, text, Outcome.CHANGED)
-        if mine is None:
-            self._count_digits(prim)
+        self._count_digits(prim, own=mine is not None)
         return edge if mine is None else mine
 
     # ------------------------------------------------------------------------------------------------
@@ -290,9 +289,21 @@ class JointReader:
             )
         return body.path, one if owner == prim else body.pose.inverse() * placed, scale
 
-    def _count_digits(self, prim: Any) -> None:
+    def _count_digits(self, prim: Any, *, own: bool) -> None:
+        """Find what the numbers of a joint leave open: those of our own words, which are double, or of the schema."""
         lengths: list[float] = []
         angles: list[float] = []
+        if own:
+            frames = [np.array(self.stage.own(prim, f"frame{number}")) for number in (0, 1)]
+            lengths = [half_unit(repr(float(value))) for frame in frames for value in frame[3, :3]]
+            turned = [*(value for frame in frames for value in frame[:3, :3].flat)]
+            turned += [*self.stage.own(prim, "axis", ())]
+            angles = [half_unit(repr(float(value))) for value in turned]
+            found = Precision(max(lengths), max(angles))
+            self.digits = Precision(
+                max(self.digits.length, found.length), max(self.digits.angle, found.angle)
+            )
+            return
         for number in (0, 1):
             lengths += [*self.stage.value(prim, f"physics:localPos{number}", ())]
             quaternion = self.stage.value(prim, f"physics:localRot{number}")
@@ -478,6 +489,9 @@ class JointReader:
             axis2 = np.array([0.0, 1.0, 0.0])
         if any(np.abs(one).max() > 2 or abs(np.linalg.norm(one) - 1) > 1e-9 for one in (axis, axis2)):
             return None
+        axis, axis2 = (
+            one / np.linalg.norm(one) if abs(one @ one - 1) > 1e-15 else one for one in (axis, axis2)
+        )
         turned = schema_frames(edge.kind, *frames, axis, axis2)
         if not (
             _same_frame(turned.frame0, edge.frames[0]) and _same_frame(turned.frame1, edge.frames[1])

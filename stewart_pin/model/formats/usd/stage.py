@@ -217,8 +217,9 @@ _FAR_UNIT = 1e15
 """Metres and kilograms per unit, and units per these, beyond which a unit is none."""
 _FAR = 1e30
 """Largest entry of a transformation."""
-_SHEARED = 1e-4
-"""How far axes may be from unit length and right angles, dimensionless: what four printed digits cost."""
+_SHEARED = 1.5e-4
+"""How far axes may be from unit length and right angles, dimensionless: what four printed decimals cost, the spectral
+norm of a matrix (3, 3) of half units."""
 _EXACT = 1e-13
 """The same for axes of all digits, which are kept to the last one."""
 _Fitting = tuple[Callable[[Any], bool], str]
