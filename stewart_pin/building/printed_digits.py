@@ -194,8 +194,8 @@ class _Motion:
         open_by = max(self.home.largest_gap, self.spurious.max(initial=0.0))
         return open_by <= max(_EXACT, self.home.round_off) and _closed(beyond)
 
-    def absorbed(self) -> ClosedChain | None:
-        """Move joints and loops so that they do so exactly; None where the motion ends before it tells enough."""
+    def absorbed(self) -> ClosedChain:
+        """Move joints and loops so that they do so exactly."""
         chain, rank, places, forgiven = self.chain, self.rank, self.places, self.forgiven
         if len(places) * (1 + chain.nv - rank) > _LARGEST:
             raise self.undecided("the mechanism is too large to look for one that keeps them")
@@ -206,7 +206,7 @@ class _Motion:
             for number in range(_ROUNDS):
                 fresh = walk.on(moved)
                 if fresh is None:
-                    return None
+                    break
                 if moved is not chain and _closed(fresh):
                     # Home has followed; Newton's method without the rank would drift where it is all but closed.
                     return keep_home(self.told(moved), states[0].q)

@@ -176,13 +176,13 @@ def test_what_digits_do_not_explain_may_be_said_to_be_rounding(tmp_path: Path) -
     assert stp.mobility(stp.load(path, closure_tolerance=tolerance)).dof == stp.mobility(exact).dof
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_the_middle_between_two_families_is_left(seed: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("seed", "style"), [(0, "6f"), (1, "6f"), (2, "6f"), (3, "6f"), (3, "5f")])
+def test_the_middle_between_two_families_is_left(seed: int, style: str, tmp_path: Path) -> None:
     # Two balls a hinge, as Drake has it: near Sarrus' linkage several families of mobile linkages meet.
     exact = stp.build.loops_by_balls(turned_frames(zoo_chain("sarrus"), seed=seed))
     path = tmp_path / "printed.xml"
     stp.export(exact, path, format="mjcf")
-    round_places(path, "6f")
+    round_places(path, style)
     assert stp.load(path).generic.count == exact.generic.count
 
 
