@@ -308,7 +308,6 @@ def part_of(chain: ClosedChain, rows: BoolArray, entries: BoolArray) -> Part:
     )
     model = build_tree(mechanism, chain.gravity)
     part = ClosedChain(mechanism, model, (), None, np.zeros(model.nq))
-    part.__dict__["length_scale"] = chain.length_scale
     whole = [chain.model.joints[chain.model.getJointId(name)] for name in model.names[1:]]
     at = np.concatenate([np.arange(joint.idx_q, joint.idx_q + joint.nq) for joint in whole])
     return Part(part, at, names)

@@ -92,18 +92,29 @@ def settle_printed(chain: ClosedChain, forgiven: float | Precision) -> ClosedCha
     MechanismError
         As `settle_home`, where digits do not explain that the loops stay open.
     """
+
+    def settle(part: ClosedChain) -> ClosedChain:
+        size, own = _measured(part, forgiven)
+        return _settle_part(part, own, size)
+
+    return settle_parts(chain, settle, _measured(chain, forgiven)[0])
+
+
+def _measured(chain: ClosedChain, forgiven: float | Precision) -> tuple[float, float]:
+    """Size of a chain [m], and what digits may have left open, in this size and radians."""
     # Axes that meet in a point but for digits have no size between them: these are no length of the robot.
-    size = chain.length_scale
-    digits = _explained(forgiven, size, _places(chain)) if isinstance(forgiven, Precision) else forgiven
-    size = length_scale(chain.mechanism, chain.platform, digits=digits)
-    return settle_parts(chain, lambda part: _settle_part(part, forgiven, size), size)
-
-
-def _settle_part(chain: ClosedChain, forgiven: float | Precision, size: float) -> ClosedChain:
-    """Settle loops that share joints with no others: the digits of one leg are not those of another."""
     places = _places(chain)
-    if isinstance(forgiven, Precision):
-        forgiven = _explained(forgiven, size, places)
+
+    def explained(size: float) -> float:
+        return _explained(forgiven, size, places) if isinstance(forgiven, Precision) else forgiven
+
+    size = length_scale(chain.mechanism, chain.platform, digits=explained(chain.length_scale))
+    return size, explained(size)
+
+
+def _settle_part(chain: ClosedChain, forgiven: float, size: float) -> ClosedChain:
+    """Settle loops that share joints with no others: neither digits nor size of one leg are those of another."""
+    places = _places(chain)
     if not (forgiven > 0 and chain.loops):
         return settle_alone(chain)
     printed = chain if size == chain.length_scale else _of_size(chain, size)

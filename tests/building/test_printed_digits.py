@@ -17,6 +17,7 @@ from stewart_pin.errors import InputError, MechanismError
 from stewart_pin.model.description import Link, Mechanism
 from stewart_pin.state.newton import rank_at_precision
 from tests.printed import half_unit, round_places, turned_frames
+from tests.rewritten import in_other_unit
 from tests.zoo.table import ZOO, zoo_chain
 
 STYLES = ("4f", "5f", "6f", "7f", "9f", "12f", "17f", "5g", "6g", "9g")
@@ -106,6 +107,37 @@ def side_by_side(chains: Sequence[stp.ClosedChain]) -> stp.ClosedChain:
             for loop in old.loops
         ]
     return build_chain(Mechanism("row", tuple(links), tuple(joints), tuple(loops)), motors=[])
+
+
+@pytest.mark.parametrize("by", [1.0, 0.03, 2e-3])
+def test_a_small_linkage_beside_a_large_one_keeps_its_size(by: float, tmp_path: Path) -> None:
+    """Digits that are nothing beside its own links explain no link away, however large its neighbours are."""
+    small = in_other_unit(turned_frames(zoo_chain("crank_rocker"), seed=1), by)
+    row = side_by_side([turned_frames(zoo_chain("crank_rocker"), seed=0), small])
+    path = tmp_path / "row.urdf"
+    stp.export(row, path)
+    round_places(path, "6g")
+    printed = stp.load(path)
+    assert stp.mobility(printed).dof == 2
+    for loop, printed_loop in zip(row.loops, printed.loops, strict=True):
+        moved = loop.placement1.translation - printed_loop.placement1.translation
+        assert np.abs(moved).max() < 1e-5
+
+
+def test_home_of_a_linkage_does_not_depend_on_the_others() -> None:
+    """Neither do its joints: they are searched for in its own size."""
+    small = in_other_unit(zoo_chain("crank_rocker"), 0.01)
+    row = side_by_side([small, zoo_chain("crank_rocker")])
+    first, found = small.mechanism.joints[0].name, []
+    for chain in (small, row):
+        joints = [
+            replace(joint, lower=0.2) if joint.name.startswith(first) else joint
+            for joint in chain.mechanism.joints
+        ]
+        told = replace(chain.mechanism, joints=tuple(joints), home={}, platform=None)
+        home = build_chain(told, motors=[]).described().home
+        found.append([home[name if chain is small else f"{name}_0"] for name in small.mechanism.home])
+    np.testing.assert_array_equal(*found)
 
 
 @pytest.mark.parametrize("style", ["5f", "9f"])
