@@ -43,8 +43,8 @@ from .geometry.planar_modes import planar_assembly_modes as planar_assembly_mode
 from .geometry.serial import planar_arm_configurations as planar_arm_configurations
 from .kernels.kernels import compile_kernels as compile_kernels
 from .mechanics.articulated_body.loops import articulated_body_acceleration as articulated_body_acceleration
-from .mechanics.capability.hexapod_limits import load_limit as load_limit
-from .mechanics.capability.hexapod_limits import velocity_limits as velocity_limits
+from .mechanics.capability.limits import load_limit as load_limit
+from .mechanics.capability.limits import velocity_limits as velocity_limits
 from .mechanics.constraint_matrix.system import constraint_matrix_system as constraint_matrix_system
 from .mechanics.equilibrium import linearise as linearise
 from .mechanics.equilibrium import natural_frequencies as natural_frequencies

@@ -13,7 +13,7 @@ from stewart_pin.geometry.hexapod_dynamics import HexapodForces as HexapodForces
 from stewart_pin.geometry.hexapod_dynamics import RigidBody as RigidBody
 from stewart_pin.geometry.hexapod_dynamics import hexapod_inverse_dynamics as hexapod_inverse_dynamics
 from stewart_pin.geometry.hexapod_pose import HexapodPose as HexapodPose
+from stewart_pin.geometry.hexapod_pose import TrackedPose as TrackedPose
+from stewart_pin.geometry.hexapod_pose import track_pose as track_pose
 from stewart_pin.geometry.leg_motion import leg_accelerations as leg_accelerations
 from stewart_pin.geometry.leg_motion import leg_rates as leg_rates
-from stewart_pin.geometry.pose_tracking import TrackedPose as TrackedPose
-from stewart_pin.geometry.pose_tracking import track_pose as track_pose

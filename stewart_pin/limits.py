@@ -1,6 +1,6 @@
 """What joints and motors may do, and what goes beyond it."""
 
-from stewart_pin.mechanics.capability.hexapod_limits import (
+from stewart_pin.mechanics.capability.limits import (
     velocity_limits_of_jacobian as velocity_limits_of_jacobian,
 )
 from stewart_pin.model.limits import Limits as Limits

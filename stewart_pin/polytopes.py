@@ -1,7 +1,7 @@
 """Velocities and wrenches that motors with limits can give, as polytopes."""
 
-from stewart_pin.mechanics.capability.chain_limits import velocity_polytope as velocity_polytope
-from stewart_pin.mechanics.capability.chain_limits import wrench_polytope as wrench_polytope
+from stewart_pin.mechanics.capability.limits import velocity_polytope as velocity_polytope
+from stewart_pin.mechanics.capability.limits import wrench_polytope as wrench_polytope
 from stewart_pin.mechanics.capability.polytope import Ball as Ball
 from stewart_pin.mechanics.capability.polytope import Polytope as Polytope
 from stewart_pin.mechanics.capability.polytope import inscribed_ball as inscribed_ball

@@ -14,10 +14,9 @@ from stewart_pin.building.body_graph import BodyGraph, Edge
 from stewart_pin.building.loading import build_chain
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.geometry.delta import delta_positions
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
 from stewart_pin.geometry.planar import PlanarRPR
-from stewart_pin.geometry.rotary import RotaryLegs, crank_angles, crank_vectors
+from stewart_pin.geometry.rotary import RotaryLegs, crank_angles, crank_vectors, delta_positions
 from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import as_pose

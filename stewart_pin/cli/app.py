@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import typer
 
-from stewart_pin.cli.capability import capability
-from stewart_pin.cli.compare import compare
+from stewart_pin.cli.capability import capability, singularity
 from stewart_pin.cli.inspect import inspect
 from stewart_pin.cli.modes import modes
-from stewart_pin.cli.shake import shake
-from stewart_pin.cli.simulate import simulate
-from stewart_pin.cli.singularity import singularity
-from stewart_pin.cli.sweep import sweep
+from stewart_pin.cli.simulate import shake, simulate
+from stewart_pin.cli.sweep import compare, sweep
 
 app = typer.Typer(
     name="stewart_pin",

@@ -1,9 +1,15 @@
-"""``capability``: how fast a robot can move and how much it can carry at a pose, and which joint ends it."""
+"""What a robot can do at a pose.
+
+``capability``: how fast it can move and how much it can carry, and which joint ends it. ``singularity``: how near the
+pose is to each kind of singularity, and what the platform then does.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import numpy as np
 import typer
@@ -13,7 +19,7 @@ from rich.table import Table
 from stewart_pin.building.loading import load
 from stewart_pin.cli.output import configuration_of, console, describe_pose, write_json
 from stewart_pin.errors import InputError
-from stewart_pin.mechanics.capability.chain_limits import velocity_polytope, wrench_polytope
+from stewart_pin.mechanics.capability.limits import velocity_polytope, wrench_polytope
 from stewart_pin.mechanics.capability.polytope import (
     Polytope,
     inscribed_ball,
@@ -23,7 +29,9 @@ from stewart_pin.mechanics.capability.polytope import (
     polytope_support,
 )
 from stewart_pin.mechanics.kinematics import motor_positions, platform_pose
+from stewart_pin.mechanics.singularity import MEANING, Screw, Singularity, classify_singularity
 from stewart_pin.model.limits import LimitKind
+from stewart_pin.state.freedom import TWIST_AXES, TwistAxis
 from stewart_pin.viz.capability_pictures import plot_polytopes
 from stewart_pin.viz.figures import check_picture_path, save_figure
 
@@ -67,9 +75,9 @@ def capability(
         "pose": describe_pose(platform_pose(chain, q)),
         "motor_positions": dict(zip(chain.motors, motor_positions(chain, q).tolist(), strict=True)),
         "length": velocity.length,
-        "velocity": summarise(velocity),
-        "wrench": summarise(free),
-        "wrench_beyond_weight": summarise(loaded),
+        "velocity": summarise_polytope(velocity),
+        "wrench": summarise_polytope(free),
+        "wrench_beyond_weight": summarise_polytope(loaded),
     }
     _print(figures)
     if plot is not None:
@@ -85,7 +93,7 @@ def capability(
     write_json(json, figures)
 
 
-def summarise(polytope: Polytope) -> dict[str, Any]:
+def summarise_polytope(polytope: Polytope) -> dict[str, Any]:
     """Condense a polytope to the figures that are printed.
 
     Parameters
@@ -156,3 +164,85 @@ def _range(ends: list[float] | None) -> str:
     if abs(low + high) <= 1e-6 * (high - low):
         return f"± {high:.5g}"
     return f"{low + 0.0:.5g} … {high:.5g}"
+
+
+# ----------------------------------------------------------------------------------------------------
+# ``singularity``
+# ----------------------------------------------------------------------------------------------------
+
+
+def singularity(
+    robot: Annotated[str, typer.Argument(help="Bundled robot or file.")],
+    pose: Annotated[
+        str | None, typer.Option(help="Platform x,y,z,roll,pitch,yaw [m, rad]; default: home.")
+    ] = None,
+    axes: Annotated[
+        str, typer.Option(help="Components of the twist that count, as vx,vy for the tip of a five-bar.")
+    ] = ",".join(TWIST_AXES),
+    length: Annotated[
+        float | None,
+        typer.Option(help="Length that velocities are divided by [m]; default: the robot's size."),
+    ] = None,
+    limits: Annotated[bool, typer.Option(help="Whether joints must stay in their ranges.")] = True,
+    json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
+) -> None:
+    """Show of which kind of singularity a pose is, or how near it is to each."""
+    chain = load(robot)
+    q = configuration_of(chain, pose, limits)
+    found = classify_singularity(chain, q, axes=cast(Sequence[TwistAxis], axes.split(",")), length=length)
+    at = describe_pose(platform_pose(chain, q))
+    figures = {"robot": chain.name, "pose": at, **summarise_singularity(found)}
+    table = Table(
+        title=f"{chain.name} at {', '.join(f'{k} {round(v, 9) + 0.0:.6g}' for k, v in at.items())} [m, rad]"
+    )
+    for heading in ("kind", "measure", "condition"):
+        table.add_column(heading, justify="left" if heading == "kind" else "right")
+    for kind, words in MEANING.items():
+        if isfinite(found.measures[kind]):
+            table.add_row(words, f"{found.measures[kind]:.4g}", f"{found.conditions[kind]:.4g}")
+    table.caption = "Measures: singular values, lengths in robot sizes; 0 at the singularity."
+    console.print(table)
+    for line in (str(found), *(f"{name.replace('_', ' ')}: {text}" for name, text in _screws(found).items())):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    write_json(json, figures)
+
+
+def summarise_singularity(found: Singularity) -> dict[str, Any]:
+    """Condense a classification to JSON-ready figures.
+
+    Parameters
+    ----------
+    found
+        Classification.
+
+    Returns
+    -------
+    dict
+        Kinds, measures, conditions, screws; infinite numbers are None, for JSON has none.
+    """
+
+    def number(value: float) -> float | None:
+        return float(value) if isfinite(value) else None
+
+    return {
+        "kinds": [str(kind) for kind in found.kinds],
+        "zlatanov": list(found.zlatanov),
+        "axes": list(found.generic.axes),
+        "freedoms": found.count.dof,
+        "usual_freedoms": found.generic.dof,
+        "measures": {str(kind): number(value) for kind, value in found.measures.items()},
+        "conditions": {str(kind): number(value) for kind, value in found.conditions.items()},
+        "condition_number": number(found.condition_number),
+        "length": found.length,
+        **{name: screw.values.tolist() for name, screw in _named(found).items()},
+    }
+
+
+def _named(found: Singularity) -> dict[str, Screw]:
+    return {
+        name: getattr(found, name) for name in ("worst_twist", "worst_wrench", "lost_twist", "carried_wrench")
+    }
+
+
+def _screws(found: Singularity) -> dict[str, str]:
+    return {name: str(screw) for name, screw in _named(found).items()}

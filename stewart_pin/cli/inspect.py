@@ -18,8 +18,8 @@ from stewart_pin.model.description import JointKind, Mechanism, Report
 from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.loop_table import closure_rows
 from stewart_pin.model.roles import motor_candidates, platform_candidates
-from stewart_pin.viz.chain_picture import plot_chain
 from stewart_pin.viz.figures import check_picture_path, save_figure
+from stewart_pin.viz.scene import plot_chain
 
 _FREEDOMS = {JointKind.REVOLUTE: 1, JointKind.PRISMATIC: 1, JointKind.SPHERICAL: 3, JointKind.FLOATING: 6}
 """Of a joint of the tree; a fixed one has none."""

@@ -24,9 +24,9 @@ from stewart_pin.mechanics.forward_solutions import all_forward_kinematics
 from stewart_pin.mechanics.kinematics import motor_positions
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import FloatArray
-from stewart_pin.viz.chain_picture import plot_chain
 from stewart_pin.viz.figures import check_picture_path, save_figure
 from stewart_pin.viz.planar import plot_assembly_modes, plot_poses
+from stewart_pin.viz.scene import plot_chain
 
 _SAME_POSE = 1e-5
 """Difference of two poses of Newton's, of which double ones are known to 1e-7, that are one."""

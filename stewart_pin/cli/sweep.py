@@ -1,4 +1,8 @@
-"""``sweep``: what shaking at every amplitude and frequency asks of the motors."""
+"""Motor forces of a shaking platform.
+
+``compare``: the main job. By every method, in one table and one picture. ``sweep``: what shaking at every amplitude and
+frequency asks of the motors.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +21,123 @@ from rich.markup import escape
 from rich.table import Table
 
 from stewart_pin.building.loading import load
-from stewart_pin.cli.output import console, parse_range, progress_bar, write_json
+from stewart_pin.cli.output import console, parse_numbers, parse_range, progress_bar, write_json
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.description import JointKind
-from stewart_pin.motion.trajectories import PlatformSamples, sinusoidal_motion
+from stewart_pin.motion.trajectories import PlatformSamples, sample_times, sinusoidal_motion
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.studies.answers import Sweep
+from stewart_pin.studies.comparison import Comparison, compare_methods
 from stewart_pin.studies.demand_sweep import sweep_demand
-from stewart_pin.viz.figures import check_picture_path, save_figure
+from stewart_pin.viz.figures import check_picture_path, plot_comparison, save_figure
 from stewart_pin.viz.sweep_picture import plot_sweep
+
+
+def compare(
+    robot: Annotated[str, typer.Option(help="Bundled robot or file.")] = "stewart",
+    amplitude: Annotated[str, typer.Option(help="Along x,y,z [m]; one number for all.")] = "0.02",
+    frequencies: Annotated[str, typer.Option(help="Along x,y,z [Hz]; one number for all.")] = "1,3,4.5",
+    duration: Annotated[float, typer.Option(help="Length of the motion [s].")] = 2.0,
+    rate: Annotated[float, typer.Option(help="States per second.")] = 500.0,
+    json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
+    plot: Annotated[
+        Path, typer.Option(callback=check_picture_path, help="Picture of the force curves.")
+    ] = Path("output/compare.png"),
+) -> None:
+    """Compare the motor forces of a shaking platform by every method."""
+    chain = load(robot)
+    samples = sinusoidal_motion(
+        sample_times(duration, rate),
+        home=platform_pose(chain, chain.q_home),
+        amplitude=parse_numbers("--amplitude", amplitude, 3),
+        frequency=parse_numbers("--frequencies", frequencies, 3),
+    )
+    with progress_bar() as report:
+        comparison = compare_methods(chain, samples, progress=report)
+    figures = summarise_comparison(comparison)
+    figures["motion"] = {
+        "amplitude": amplitude, "frequencies": frequencies, "duration": duration, "rate": rate, "states": len(samples),
+    }  # fmt: skip
+    _print_comparison(figures)
+    save_figure(plot_comparison(comparison), plot)
+    console.print(f"force curves drawn in {plot}", highlight=False, soft_wrap=True)
+    write_json(json, figures)
+
+
+def summarise_comparison(comparison: Comparison) -> dict[str, Any]:
+    """Condense a comparison to the figures that are printed.
+
+    Parameters
+    ----------
+    comparison
+        What `compare_methods` returned.
+
+    Returns
+    -------
+    dict
+        JSON-ready: per motor RMS and peak force, RMS of every contribution, agreement between the methods.
+    """
+    force = comparison.reference
+    shares = {name: _rms(values) for name, values in comparison.contributions.items()}
+    return {
+        "robot": comparison.robot,
+        "legs": [
+            {
+                "motor": motor,
+                "rms": float(_rms(force)[k]),
+                "peak": float(np.abs(force[:, k]).max()),
+                "rms_contributions": {name: float(values[k]) for name, values in shares.items()},
+            }
+            for k, motor in enumerate(comparison.motors)
+        ],
+        "methods": list(comparison.forces),
+        "methods_simplified": list(comparison.simplified),
+        **comparison.agreement,
+        "rms_total": float(np.sqrt(np.mean(force**2))),
+        "rms_contributions_total": {
+            name: float(np.sqrt(np.mean(values**2))) for name, values in comparison.contributions.items()
+        },
+        "notes": list(comparison.notes),
+    }
+
+
+def _rms(forces: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(forces**2, axis=0))
+
+
+def _print_comparison(figures: dict[str, Any]) -> None:
+    parts = list(figures["rms_contributions_total"])
+    table = Table(
+        title=f"{figures['robot']}: motor forces, and what each part of the inertia adds to them [N]"
+    )
+    table.add_column("\nmotor")
+    for heading in ("\nRMS", "\npeak", *(f"RMS of\n{part}" for part in parts)):
+        table.add_column(heading, justify="right")
+    for leg in figures["legs"]:
+        row = (leg["rms"], leg["peak"], *(leg["rms_contributions"][part] for part in parts))
+        table.add_row(leg["motor"], *(f"{value:.2f}" for value in row))
+    table.add_section()
+    row = (figures["rms_contributions_total"][part] for part in parts)
+    peak = max(leg["peak"] for leg in figures["legs"])
+    table.add_row("all", f"{figures['rms_total']:.2f}", f"{peak:.2f}", *(f"{value:.2f}" for value in row))
+    table.caption = "\n".join(
+        (
+            "The parts add up at every instant; their RMS do not.",
+            "Largest relative difference between the methods, with the robot's masses:",
+            f"{figures['agreement']:.1e} ({', '.join(figures['methods'])});",
+            "with massless legs and a point platform:",
+            f"{figures['agreement_simplified']:.1e} ({', '.join(figures['methods_simplified'])}).",
+        )
+    )
+    console.print(table)
+    for note in figures["notes"]:
+        console.print(f"note: {note}", highlight=False, soft_wrap=True)
+
+
+# ----------------------------------------------------------------------------------------------------
+# ``sweep``
+# ----------------------------------------------------------------------------------------------------
 
 _SHOWN = {
     "peak_effort": "effort",
@@ -93,8 +204,8 @@ def sweep(
             journal=journal,
             progress=report,
         )
-    figures = {"robot": chain.name, "axis": axis, "instants": instants, **summarise(chain, found)}
-    _print(chain, found, figures)
+    figures = {"robot": chain.name, "axis": axis, "instants": instants, **summarise_sweep(chain, found)}
+    _print_sweep(chain, found, figures)
     if plot is not None:
         units = _units(chain)
         words = {"amplitude": f"amplitude along {axis} [m]", "frequency": "frequency [Hz]"}
@@ -143,7 +254,7 @@ def _workers(count: int) -> Iterator[Executor | None]:
         yield pool
 
 
-def summarise(chain: ClosedChain, found: Sweep) -> dict[str, Any]:
+def summarise_sweep(chain: ClosedChain, found: Sweep) -> dict[str, Any]:
     """Condense a sweep to JSON-ready figures.
 
     Parameters
@@ -194,7 +305,7 @@ def _units(chain: ClosedChain) -> dict[str, str]:
     return units | {"peak_power": "W", "mean_power": "W"}
 
 
-def _print(chain: ClosedChain, found: Sweep, figures: dict[str, Any]) -> None:
+def _print_sweep(chain: ClosedChain, found: Sweep, figures: dict[str, Any]) -> None:
     if not found.results and found.failures:
         found["peak_effort"]  # raises with the reason of the first point
     shape = " × ".join(map(str, found.shape))

@@ -11,8 +11,7 @@ from numpy.typing import DTypeLike
 
 from stewart_pin.brief import Brief
 from stewart_pin.errors import InputError, MissingExtraError
-from stewart_pin.kernels.verbs.dynamics import DerivativeVerbs, DynamicsVerbs
-from stewart_pin.kernels.verbs.geometry import GeometryVerbs
+from stewart_pin.kernels.verbs.dynamics import DerivativeVerbs, DynamicsVerbs, GeometryVerbs
 from stewart_pin.kernels.verbs.kinematics import KinematicsVerbs
 from stewart_pin.programs.array_kernel import Engine
 from stewart_pin.programs.symbolic import writing

@@ -1,9 +1,4 @@
-"""Surfaces of a robot at a closed configuration: the visuals of its URDF, and simple shapes where there are none.
-
-yourdfpy reads shapes, meshes and colours. It would place the links by its own kinematics, which knows neither loops nor
-ball joints; here it gets the links alone, each on the world, and the chain places them. Without a screen Matplotlib
-draws them.
-"""
+"""A chain as it stands: its bodies as lines between the points where they are joined, or with their surfaces."""
 
 from __future__ import annotations
 
@@ -17,8 +12,8 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from stewart_pin.building.drawn_shapes import body_points
-from stewart_pin.errors import FileFormatError, FileMissingError, MissingExtraError
+from stewart_pin.building.drawn_shapes import body_points, hinge_reach, off_centre
+from stewart_pin.errors import FileFormatError, FileMissingError, InputError, MissingExtraError
 from stewart_pin.model.description import Joint, JointKind
 from stewart_pin.model.formats.xml import read_xml
 from stewart_pin.model.shapes import DRAWN
@@ -28,11 +23,183 @@ from stewart_pin.state.state import as_configuration
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
 from stewart_pin.viz.figures import new_figure
 
+_ACROSS = 4
+"""Panels in a row."""
+_GROUND, _PLATFORM, _BODY, _MOTOR, _LOOP = "0.45", "C0", "0.2", "C3", "C2"
+
+
+def plot_chain(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
+    """Draw the bodies of any chain, its joints, and where its loops are closed.
+
+    A body is the outline of the points where joints and loops hold it, or a line where there are two; a prismatic
+    joint is a line from its parent to its child. Loops that are open show as two marks joined by a dotted line.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration, loops closed or open; or (n, nq), each in a panel of its own, all from the same side and to
+        the same scale; default: home [m, rad, unit quaternions].
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure.
+
+    Raises
+    ------
+    InputError
+        If there is no configuration to draw.
+    """
+    many = q is not None and np.ndim(q) == 2
+    rows = np.asarray(q) if many else [chain.q_home if q is None else q]
+    if len(rows) == 0:
+        raise InputError("q holds no configuration, there is nothing to draw")
+    shown = [_frames(chain, as_configuration(chain, "q", row)) for row in rows]
+    across = min(_ACROSS, len(shown))
+    down = -(-len(shown) // across)
+    figure = new_figure(*((3.2 * across, 3.0 * down + 0.4) if many else (6.4, 6.0)))
+    axes = [figure.add_subplot(down, across, k + 1, projection="3d") for k in range(len(shown))]
+    for axis, frames in zip(axes, shown, strict=True):
+        _draw(axis, chain, frames)
+    everything = np.vstack([_points(chain, frames) for frames in shown])
+    for number, axis in enumerate(axes, start=1):
+        _frame(axis, everything, alone=not many)
+        axis.set_title(f"{chain.name} {number}" if many else chain.name)
+    handles, labels = axes[0].get_legend_handles_labels()
+    unique = dict(zip(labels, handles, strict=True))
+    figure.legend(unique.values(), unique.keys(), loc="outside lower center", ncols=6, frameon=False)
+    return figure
+
+
+def _frames(chain: ClosedChain, q: Configuration) -> dict[str, pin.SE3]:
+    """Where the links of a configuration stand."""
+    data = pin.Data(chain.model)
+    pin.framesForwardKinematics(chain.model, data, q)
+    return {link.name: data.oMf[link_frame(chain.model, link.name)] for link in chain.mechanism.links}
+
+
+def _points(chain: ClosedChain, frames: dict[str, pin.SE3]) -> FloatArray:
+    """All points that hold bodies, and the origin of the platform, or of the root, in the world [m]."""
+    held = [
+        local @ frames[link].rotation.T + frames[link].translation
+        for link, local in body_points(chain).items()
+    ]
+    return np.vstack([np.array(frames[chain.platform or chain.mechanism.root].translation)[None], *held])
+
+
+def _draw(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
+    _draw_bodies(axis, chain, frames)
+    _draw_joints(axis, chain, frames)
+    _draw_loops(axis, chain, frames)
+    if chain.platform is not None:
+        _draw_platform(axis, chain, frames[chain.platform])
+
+
+def _frame(axis: Any, everything: FloatArray, *, alone: bool) -> None:
+    """Let a panel show all points, whatever it draws itself."""
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    extent = np.maximum(high - low, 0.15 * (high - low).max())
+    for name, middle, size in zip("xyz", (low + high) / 2, extent, strict=True):
+        axis.set(
+            **{f"{name}lim": (middle - 0.55 * size, middle + 0.55 * size), f"{name}label": f"{name} [m]"}
+        )
+        axis.locator_params(axis=name, nbins=4)
+    axis.set_box_aspect(extent, zoom=0.9 if alone else 0.8)
+    axis.tick_params(labelsize=8)
+    _view(axis, extent)
+
+
+def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
+    """Draw the outline of every link's points."""
+    for link, local in body_points(chain).items():
+        distinct = local @ frames[link].rotation.T + frames[link].translation
+        if len(distinct) < 2:
+            continue
+        label, colour = "body", _BODY
+        if link == chain.mechanism.root:
+            label, colour = "ground", _GROUND
+        elif link == chain.platform:
+            label, colour = "platform", _PLATFORM
+        outline = _around(distinct)
+        axis.plot(*np.vstack([outline, outline[:1]]).T, color=colour, linewidth=2.2, label=label)
+
+
+def _draw_joints(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
+    reach = hinge_reach(chain)
+    for joint in chain.mechanism.joints:
+        if joint.kind in (JointKind.FLOATING, JointKind.FIXED):
+            continue
+        mark = off_centre(joint, reach)
+        start = frames[joint.parent].act(joint.placement.act(mark))
+        end = frames[joint.child].act(mark)
+        driven = joint.name in chain.motors
+        colour, label = (_MOTOR, "motor") if driven else (_BODY, "joint")
+        axis.plot(*np.array([start, end]).T, color=colour, linewidth=3.0)
+        # A sliding motor is its line, a turning one its mark.
+        where = (np.asarray(start) + end) / 2 if joint.kind is JointKind.PRISMATIC else end
+        axis.plot(
+            *where[:, None],
+            "o",
+            color=colour,
+            markersize=7 if driven else 4,
+            label=label,
+            markerfacecolor="w",
+        )
+
+
+def _draw_loops(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
+    reach = hinge_reach(chain)
+    for loop in chain.loops:
+        mark = off_centre(loop, reach)
+        ends = np.array(
+            [
+                frames[loop.link1].act(loop.placement1.act(mark)),
+                frames[loop.link2].act(loop.placement2.act(mark)),
+            ]
+        )
+        axis.plot(*ends.T, "D:", color=_LOOP, markersize=4, linewidth=1.2, label="loop")
+
+
+def _draw_platform(axis: Any, chain: ClosedChain, pose: pin.SE3) -> None:
+    """Mark the platform frame: x red, y green, z blue."""
+    for direction, colour in zip(pose.rotation.T, ("r", "g", "b"), strict=True):
+        end = pose.translation + 0.2 * chain.length_scale * direction
+        axis.plot(*np.array([pose.translation, end]).T, color=colour, linewidth=1.2)
+
+
+def _around(points: FloatArray) -> FloatArray:
+    """Order points around their middle, as seen across the plane that fits them best."""
+    out = points - points.mean(axis=0)
+    first, second, _ = np.linalg.svd(out)[2]
+    return points[np.argsort(np.arctan2(out @ second, out @ first))]
+
+
+def _view(axis: Any, extent: FloatArray) -> None:
+    """Look at a planar mechanism from the front, at any other from above and aside."""
+    flat = int(np.argmin(extent))
+    if extent[flat] < 0.2 * extent.max():
+        elevation, azimuth = ((0, 0), (0, -90), (90, -90))[flat]
+        axis.view_init(elev=elevation, azim=azimuth)
+        axis.set(**{f"{'xyz'[flat]}ticks": [], f"{'xyz'[flat]}label": ""})
+    else:
+        axis.view_init(elev=22, azim=-55)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Surfaces: the visuals of its URDF, and simple shapes where there are none
+#
+# yourdfpy reads shapes, meshes and colours. It would place the links by its own kinematics, which knows neither loops
+# nor ball joints; here it gets the links alone, each on the world, and the chain places them. Without a screen
+# Matplotlib draws them.
+# ----------------------------------------------------------------------------------------------------
+
 _WORLD = "scene_world"
 """Name of the scene's root: no link of a robot is called so."""
 _THIN = 0.02
 """Thickness of the simple shapes, in robot sizes."""
-_GROUND, _PLATFORM, _BODY, _DRIVEN = (
+_GROUND_FACE, _PLATFORM_FACE, _BODY_FACE, _DRIVEN_FACE = (
     (110, 110, 110, 255),
     (31, 119, 180, 255),
     (70, 70, 70, 255),
@@ -152,7 +319,13 @@ def _simple_shapes(chain: ClosedChain, q: Configuration, link: str, points: Floa
     import trimesh  # noqa: PLC0415 - optional and slow
 
     thick = _THIN * chain.length_scale
-    colour = _GROUND if link == chain.mechanism.root else _PLATFORM if link == chain.platform else _BODY
+    colour = (
+        _GROUND_FACE
+        if link == chain.mechanism.root
+        else _PLATFORM_FACE
+        if link == chain.platform
+        else _BODY_FACE
+    )
     shapes: list[Any] = []
     if len(points) == 2:
         shapes.append(trimesh.creation.cylinder(radius=thick / 2, segment=points))
@@ -183,7 +356,7 @@ def _joint_shape(chain: ClosedChain, q: Configuration, joint: Joint, thick: floa
         if abs(travel) < thick / 10:
             return []
         shape = trimesh.creation.cylinder(radius=thick / 5, segment=[-travel * joint.axis, np.zeros(3)])
-    shape.visual.face_colors = _DRIVEN if driven else _BODY
+    shape.visual.face_colors = _DRIVEN_FACE if driven else _BODY_FACE
     return [shape]
 
 

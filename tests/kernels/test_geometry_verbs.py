@@ -104,7 +104,7 @@ def test_blocks_of_states_are_one_array(monkeypatch: pytest.MonkeyPatch, rng: np
     kernels, motion = planar(), motion_of_motors(rng)
     basis = kernels.geometry_displacements
     whole = kernels.inverse_dynamics_geometry(*motion, along=basis)
-    monkeypatch.setattr("stewart_pin.kernels.verbs.geometry._BLOCK", 2)
+    monkeypatch.setattr("stewart_pin.kernels.verbs.dynamics._BLOCK", 2)
     status = np.full(STATES, 7, dtype=np.int8)
     np.testing.assert_array_equal(
         kernels.inverse_dynamics_geometry(*motion, along=basis, status=status), whole

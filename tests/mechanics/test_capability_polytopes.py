@@ -14,8 +14,8 @@ from scipy.optimize import linprog
 
 import stewart_pin as stp
 from stewart_pin.errors import InputError, SingularityError, UnreachableError, UnsupportedError
-from stewart_pin.mechanics.capability.chain_limits import binding_limits
 from stewart_pin.mechanics.capability.enumeration import image_of_limits
+from stewart_pin.mechanics.capability.limits import binding_limits
 
 _spec = importlib.util.spec_from_file_location("small_robots", Path(__file__).with_name("small_robots.py"))
 assert _spec is not None and _spec.loader is not None

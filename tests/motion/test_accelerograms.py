@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 from stewart_pin.errors import FileFormatError, InputError
-from stewart_pin.motion.accelerograms import (
+from stewart_pin.motion.earthquakes import (
     G,
     accelerogram,
     correct_baseline,
