@@ -20,8 +20,7 @@ from stewart_pin.model.description import (
     Span,
     loop_coordinates,
 )
-from stewart_pin.model.limits import KINDS
-from stewart_pin.model.tree import set_limits
+from stewart_pin.model.tree import KINDS, set_limits
 from stewart_pin.model.validation import validate
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import as_chain

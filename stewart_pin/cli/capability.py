@@ -30,7 +30,7 @@ from stewart_pin.mechanics.capability.polytope import (
 )
 from stewart_pin.mechanics.kinematics import motor_positions, platform_pose
 from stewart_pin.mechanics.singularity import MEANING, Screw, Singularity, classify_singularity
-from stewart_pin.model.limits import LimitKind
+from stewart_pin.model.tree import LimitKind
 from stewart_pin.state.freedom import TWIST_AXES, TwistAxis
 from stewart_pin.viz.capability_pictures import plot_polytopes
 from stewart_pin.viz.figures import check_picture_path, save_figure

@@ -20,7 +20,7 @@ import proxsuite
 from stewart_pin.errors import ConvergenceError, InputError
 from stewart_pin.mechanics.constraint_matrix.solution import constraint_matrix_inverse_dynamics
 from stewart_pin.mechanics.effort import Effort
-from stewart_pin.model.limits import Limits
+from stewart_pin.model.tree import Limits
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
 from stewart_pin.state.loop_rows import Drive

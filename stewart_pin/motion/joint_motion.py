@@ -9,7 +9,7 @@ import numpy as np
 
 from stewart_pin.errors import ClosureError
 from stewart_pin.mechanics.kinematics import inverse_kinematics, platform_motion
-from stewart_pin.model.limits import LimitKind
+from stewart_pin.model.tree import LimitKind
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import Asked

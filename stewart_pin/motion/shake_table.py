@@ -9,7 +9,7 @@ import numpy as np
 
 from stewart_pin.brief import Brief
 from stewart_pin.errors import ClosureError, InputError
-from stewart_pin.model.limits import LimitKind
+from stewart_pin.model.tree import LimitKind
 from stewart_pin.motion.joint_motion import asked_of_motors, asked_of_others
 from stewart_pin.motion.motor_demand import MotorDemand, motor_demand
 from stewart_pin.motion.trajectories import PlatformSamples

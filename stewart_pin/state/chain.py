@@ -12,11 +12,10 @@ import pinocchio as pin
 from stewart_pin.errors import MissingRoleError
 from stewart_pin.model.description import Coupling, Loop, Mechanism, Note, Report
 from stewart_pin.model.leg_points import leg_points, leg_readings
-from stewart_pin.model.limits import Limits, build_limits
 from stewart_pin.model.loop_table import LoopTable, build_loop_table, support
 from stewart_pin.model.roles import mark_motors, motor_candidates, platform_candidates
 from stewart_pin.model.sizes import length_scale
-from stewart_pin.model.tree import link_frame, mass_unit, with_masses_in
+from stewart_pin.model.tree import Limits, build_limits, link_frame, mass_unit, with_masses_in
 from stewart_pin.state.describing import describe
 from stewart_pin.state.generic import Generic, find_generic
 from stewart_pin.state.limits import Judge

@@ -17,7 +17,7 @@ import numpy as np
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.choosing import require_choice
 from stewart_pin.kernels.kernels import Kernels
-from stewart_pin.model.limits import KINDS
+from stewart_pin.model.tree import KINDS
 from stewart_pin.motion.motor_demand import (
     MotorDemand,
     demand_by_formula,

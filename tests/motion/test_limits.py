@@ -8,7 +8,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import InputError, MechanismError, UnreachableError
-from stewart_pin.model.limits import KINDS
+from stewart_pin.model.tree import KINDS
 from tests.closed_states import robot
 from tests.small_urdf import MOTOR, joint, link
 from tests.small_urdf import robot as small_robot

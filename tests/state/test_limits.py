@@ -9,7 +9,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Loop, Mechanism, loop_coordinates
-from stewart_pin.model.limits import KINDS
+from stewart_pin.model.tree import KINDS
 from tests.closed_states import robot
 
 HERE = pin.SE3.Identity()

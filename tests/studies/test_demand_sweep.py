@@ -16,7 +16,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.model.limits import KINDS
+from stewart_pin.model.tree import KINDS
 from stewart_pin.motion import motor_demand as motor_demand_module
 from stewart_pin.studies import demand_sweep
 from stewart_pin.studies.answers import Carried

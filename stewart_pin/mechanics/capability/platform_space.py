@@ -10,7 +10,7 @@ from stewart_pin.checks import as_positive
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.mechanics.capability.enumeration import Shape
 from stewart_pin.mechanics.capability.polytope import Polytope
-from stewart_pin.model.limits import LimitKind
+from stewart_pin.model.tree import LimitKind
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import TWIST_AXES
 from stewart_pin.state.state import State
