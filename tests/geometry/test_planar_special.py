@@ -191,7 +191,7 @@ def test_nearly_congruent_triangles_keep_their_poses(excess: float) -> None:
     assert abs(modes.angle[1] + modes.angle[2]) < excess
 
 
-@pytest.mark.parametrize("excess", [1e-5, 1e-7])
+@pytest.mark.parametrize("excess", [pytest.param(1e-5, marks=pytest.mark.slow), 1e-7])
 def test_nearly_congruent_triangles_keep_the_generating_pose(rng: np.random.Generator, excess: float) -> None:
     # All three circles nearly coincide; where two of them meet tells nothing about the pose.
     for _ in range(40):

@@ -36,7 +36,8 @@ CASES = [
     )
     for name in ROBOTS
     for coordinates in ("platform", "motor", "tree")
-    if (name, coordinates) != ("arm_7r", "platform")  # its elbow may move while the tool rests
+    # The elbow of the arm may move while the tool rests; the third of the six universal legs tells nothing new.
+    if (name, coordinates) != ("arm_7r", "platform") and name != "stewart_cad"
 ]
 
 

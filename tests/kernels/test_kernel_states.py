@@ -125,6 +125,7 @@ def test_regressor_is_pinocchios_for_the_motors(name: str, rng: np.random.Genera
         close(regressor[k], np.linalg.pinv(share) @ motions.T @ whole, 1e-10)
 
 
+@pytest.mark.slow
 def test_regressor_in_other_coordinates(rng: np.random.Generator) -> None:
     many = kernels("stewart")
     _, (pose, twist, acceleration, _) = platform_states(many, rng, 2)
@@ -150,7 +151,7 @@ FREEDOMS = {
 @pytest.mark.parametrize(
     ("name", "verb"),
     [
-        ("stewart", "inverse_dynamics"),
+        pytest.param("stewart", "inverse_dynamics", marks=pytest.mark.slow),
         ("rpr_planar", "inverse_dynamics"),
         ("rpr_planar", "forward_dynamics"),
         pytest.param("stewart", "forward_dynamics", marks=pytest.mark.slow),

@@ -82,7 +82,7 @@ def test_a_length_below_zero_is_no_length(rng: np.random.Generator) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["stewart", "six cranks", "four_bar"]
+    "name", ["stewart", pytest.param("six cranks", marks=pytest.mark.slow), "four_bar"]
 )  # by lengths, by positions, by the whole tree
 def test_guesses_need_no_unit_quaternions(name: str, rng: np.random.Generator) -> None:
     chain = PLATFORMS[name]() if name in PLATFORMS else robot(name)

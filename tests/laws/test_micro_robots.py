@@ -66,6 +66,11 @@ def answers(chain: stp.ClosedChain, share: float, rng: np.random.Generator) -> d
     return found
 
 
+@cache
+def usual_answers(name: str) -> dict[str, np.ndarray]:
+    return answers(robot(name), 1.0, np.random.default_rng(5))
+
+
 @pytest.mark.parametrize("share", AGREE)
 @pytest.mark.parametrize(
     "name",
@@ -74,7 +79,7 @@ def answers(chain: stp.ClosedChain, share: float, rng: np.random.Generator) -> d
     ],
 )
 def test_efforts_are_in_proportion_to_masses(name: str, share: float) -> None:
-    usual = answers(robot(name), 1.0, np.random.default_rng(5))
+    usual = usual_answers(name)
     micro = answers(light(name, share), share, np.random.default_rng(5))
     assert micro.keys() == usual.keys()
     for way, expected in usual.items():

@@ -75,7 +75,7 @@ def test_damaged_yaml_loads_or_fails_with_our_errors(tmp_path: Path, text: str) 
 
 
 @pytest.mark.slow
-@quick(1500)
+@quick(750)
 @hypothesis.given(content=damaged(etree.fromstring(ALL_AT_ONCE)), text=damaged_yaml())
 def test_many_damaged_files(tmp_path: Path, content: bytes, text: str) -> None:
     path = tmp_path / "fuzzed.urdf"

@@ -52,4 +52,4 @@ def test_damaged_files_are_answered_in_words(origin: str, tmp_path: Path) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("origin", ["every tag", "exported"])
 def test_many_damaged_files(origin: str, tmp_path: Path) -> None:
-    try_damage(tmp_path, every_tag() if origin == "every tag" else exported(tmp_path), 1500)
+    try_damage(tmp_path, every_tag() if origin == "every tag" else exported(tmp_path), 700)

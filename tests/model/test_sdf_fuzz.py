@@ -56,14 +56,14 @@ def test_damaged_worlds(tmp_path: Path, content: bytes) -> None:
 
 
 @pytest.mark.slow
-@quick(3000)
+@quick(1500)
 @hypothesis.given(content=damaged(BAR))
 def test_many_damaged_loops(tmp_path: Path, content: bytes) -> None:
     _load(tmp_path, content, "crank_hinge", "coupler")
 
 
 @pytest.mark.slow
-@quick(2000)
+@quick(1000)
 @hypothesis.given(content=damaged(NESTED))
 def test_many_damaged_models(tmp_path: Path, content: bytes) -> None:
     _load(tmp_path, content, "j", "b")
