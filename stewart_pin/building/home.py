@@ -19,13 +19,16 @@ from stewart_pin.state.configurations import clipped, random_configuration, unwo
 from stewart_pin.state.limits import Excess
 from stewart_pin.state.newton import Closure, close_at_precision, displaced, polish
 from stewart_pin.state.state import State
-from stewart_pin.tolerances import HOME_IN_FILE
+from stewart_pin.tolerances import HOME_IN_FILE, NOTHING
 from stewart_pin.typing import BoolArray, Configuration, FloatArray
 
 _ATTEMPTS = 16
 """Random configurations to start from."""
 _STEPS = 60
 """Bounded Gauss-Newton steps from one start."""
+_SLOWLY, _PATIENCE = 0.99, 6
+"""Share of the gap that a step leaves where it gets nowhere, and how many such steps in a row are the end: against
+limits that are approached from inside, each step still shrinks it a little."""
 _ROUNDS = 10
 """Leaps by which joints of an assembled pose are carried inside their limits."""
 _LEAP = 0.6
@@ -114,12 +117,11 @@ def settle_parts(
         chain.__dict__["length_scale"] = size or chain.length_scale
     if not chain.mechanism.assembled:
         notes += _told_of(chain, q)
-    beyond = chain.judge.positions(q, slack=HOME_IN_FILE)
-    names = chain.limits.names[chain.nv :]
     notes += [
-        Note(f"joint '{excess.joint}'", f"home is beyond its limits: {excess}", Outcome.KEPT)
-        for excess in beyond
-        if excess.joint in names
+        Note(
+            f"joint '{excess.joint}'", f"home is beyond its limits by {excess.by:.2g}: {excess}", Outcome.KEPT
+        )
+        for excess in chain.judge.positions(q)
     ]
     return chain.with_home(q, *notes)
 
@@ -190,7 +192,7 @@ def settle_alone(chain: ClosedChain, slack: float = HOME_IN_FILE) -> ClosedChain
     guess = home_guess(chain)
     direct = polish(chain, guess)
     fault = _fault(chain, guess, direct, leeway)
-    if not fault and not _beyond_cones(chain, direct.q).any():
+    if not fault and not _may_be_nearer(chain, direct.q, leeway):
         return chain.with_home(direct.q)
     found = _search(chain, guess, leeway)
     if isinstance(found, _Stuck) and fault:
@@ -416,15 +418,20 @@ def _bounded(
     """
     state = chain.at(pin.normalize(chain.model, np.array(guess)))
     (residual, jacobian), damping = _equations(chain, state, cones), 1e-3
+    enough, slow = max(_enough(chain), state.round_off, precision / 2), 0
     for _ in range(_STEPS):
-        if np.abs(residual).max() < max(_ENOUGH, precision / 2):
+        if np.abs(residual).max() < enough:
             break
         system = np.vstack([jacobian, damping * np.eye(chain.nv)])
         right = np.concatenate([-residual, np.zeros(chain.nv)])
         step = lsq_linear(system, right, bounds=_room(chain, state.q, guess, leeway)).x
         trial = displaced(state, step)
         left = _equations(chain, trial, cones)
-        if np.linalg.norm(left[0]) < np.linalg.norm(residual):
+        shrunk = np.linalg.norm(left[0]) / np.linalg.norm(residual)
+        slow = 0 if shrunk < _SLOWLY else slow + (shrunk < 1)
+        if slow > _PATIENCE:
+            return _stuck(chain, state, guess, leeway)
+        if shrunk < 1:
             state, (residual, jacobian), damping = trial, left, max(damping / 5, 1e-9)
         elif damping > 1e3:
             return _stuck(chain, state, guess, leeway)
@@ -439,6 +446,13 @@ def _bounded(
     q = np.where(_in_configuration(chain, leeway == np.inf), unwound(chain, q), q)
     beyond = _outside(chain, q) or (cones and _beyond_cones(chain, q).any())
     return _stuck(chain, state, guess, leeway) if beyond else q
+
+
+def _enough(chain: ClosedChain) -> float:
+    """Gap from which on Newton's method closes the rest without leaving the narrowest range."""
+    stated = chain.limits.stated("position")
+    lower, upper = chain.limits.bounds("position", stated).T / chain.judge.sizes(stated)
+    return float(np.clip((upper - lower).min(initial=np.inf) / 8, NOTHING, _ENOUGH))
 
 
 def _equations(chain: ClosedChain, state: State, cones: bool) -> tuple[FloatArray, FloatArray]:
@@ -505,9 +519,12 @@ def _beyond_cones(chain: ClosedChain, q: Configuration, inset: float = -HOME_IN_
 
 def _cone_rates(chain: ClosedChain, q: Configuration) -> FloatArray:
     """(k, nv) derivative of what is passed, in natural units; 0 for what is within."""
-    rows = _cones(chain)
-    rates = chain.judge.rates(q, np.diag(chain.tangent_scale), rows) / chain.judge.sizes(rows)[:, None]
-    return np.where(_beyond_cones(chain, q, _INSET)[:, None] != 0.0, rates, 0.0)
+    rows, passed = _cones(chain), _beyond_cones(chain, q, _INSET) != 0.0
+    found = np.zeros((rows.size, chain.nv))
+    if passed.any():
+        rates = chain.judge.rates(q, np.diag(chain.tangent_scale), rows[passed])
+        found[passed] = rates / chain.judge.sizes(rows[passed])[:, None]
+    return found
 
 
 def _in_configuration(chain: ClosedChain, entries: BoolArray) -> BoolArray:
@@ -571,6 +588,15 @@ def _told_of(chain: ClosedChain, q: Configuration) -> list[Note]:
     moved = _moved(chain, home_guess(chain), q, leeway)
     why = "as loops and limits demand" if guess else "which the digits of the file explain"
     return [Note("home", f"{moved}, {why}", Outcome.CHANGED)] if moved else []
+
+
+def _may_be_nearer(chain: ClosedChain, q: Configuration, leeway: FloatArray) -> bool:
+    """Whether a search may bring joints inside their limits that stand beyond them, if only by what digits cost."""
+    beyond = {excess.joint for excess in chain.judge.positions(q)}
+    if not beyond or not (leeway == np.inf).any():
+        return bool(_beyond_cones(chain, q).any())
+    named = {name for name, given in zip(chain.tangent_names, leeway < np.inf, strict=True) if given}
+    return bool(beyond - named)
 
 
 def _outside(chain: ClosedChain, q: Configuration) -> tuple[Excess, ...]:

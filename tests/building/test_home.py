@@ -132,7 +132,38 @@ def test_a_home_that_the_limits_of_a_loop_exclude_is_told(tmp_path: Path) -> Non
     limited = CLOSED.replace("</loop>", '<limit lower="0.4" upper="0.6"/></loop>')
     chain = stp.load(write(tmp_path, robot(*FOUR_BAR, limited, home(**SQUARE))))
     assert_closed(chain)
-    assert "home is beyond its limits: 'hinge' at 1.5708, allowed 0.4 to 0.6" in str(chain.report)
+    assert "home is beyond its limits by 0.97: 'hinge' at 1.5708, allowed 0.4 to 0.6" in str(chain.report)
+
+
+@pytest.mark.parametrize("width", [0.0, 1e-8, 1e-4])
+@pytest.mark.parametrize("name", ["crank_turn", "coupler_turn", "rocker_turn", "hinge"])
+def test_a_range_far_narrower_than_digits_is_kept(name: str, width: float, tmp_path: Path) -> None:
+    """Joints that the home does not name are searched for until they are inside, not only nearly so."""
+    middle = {"crank_turn": 0.9, "coupler_turn": -0.9, "rocker_turn": 0.9, "hinge": 0.9}[name]
+    limit = f'<limit lower="{middle - width}" upper="{middle + width}" effort="1" velocity="1"/>'
+    tag = "loop" if name == "hinge" else "joint"
+    parts = [
+        part.replace(f"</{tag}>", f"{limit}</{tag}>") if f'name="{name}"' in part else part
+        for part in (*FOUR_BAR, CLOSED)
+    ]
+    if name == "hinge":
+        parts[-1] = parts[-1].replace(' effort="1" velocity="1"', "")
+    chain = stp.load(write(tmp_path, robot(*parts)))
+    assert np.abs(stp.loop_gap(chain, chain.q_home)).max() < 1e-12
+    assert not stp.limits_exceeded(chain.at(chain.q_home))
+
+
+def test_a_named_home_barely_beyond_its_limits_is_told(tmp_path: Path) -> None:
+    """Digits explain it, so that it is kept; the verbs that judge limits see it."""
+    bars = [
+        part.replace("</joint>", '<limit lower="-2" upper="1.5707" effort="1" velocity="1"/></joint>')
+        if "rocker_turn" in part
+        else part
+        for part in FOUR_BAR
+    ]
+    chain = stp.load(write(tmp_path, robot(*bars, CLOSED, home(**SQUARE))))
+    assert "home is beyond its limits by 9.6e-05: 'rocker_turn' at 1.5708" in str(chain.report)
+    assert [excess.joint for excess in stp.limits_exceeded(chain.at(chain.q_home))] == ["rocker_turn"]
 
 
 def test_limits_that_leave_no_home_are_named(tmp_path: Path) -> None:
