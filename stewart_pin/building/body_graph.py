@@ -10,7 +10,7 @@ import pinocchio as pin
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Joint, JointKind, Loop, Note
-from stewart_pin.model.loop_table import orthonormal_triad
+from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.model.tree import build_tree, link_frame
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import as_chain

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.model.description import Joint, JointKind, Link, Loop
-from stewart_pin.model.loop_table import orthonormal_triad
+from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.model.shapes import DRAWN, Material, Shape, ShapeKind
 from stewart_pin.model.unfolding import fixed_to
 from stewart_pin.state.chain import ClosedChain

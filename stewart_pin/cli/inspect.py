@@ -16,7 +16,7 @@ from stewart_pin.errors import MechanismError
 from stewart_pin.mechanics.mobility import Mobility, mobility
 from stewart_pin.model.description import JointKind, Mechanism, Report
 from stewart_pin.model.formats.reading import read_mechanism
-from stewart_pin.model.loop_table import closure_rows
+from stewart_pin.model.loop_rows import closure_rows
 from stewart_pin.model.roles import motor_candidates, platform_candidates
 from stewart_pin.viz.figures import check_picture_path, save_figure
 from stewart_pin.viz.scene import plot_chain

@@ -28,7 +28,7 @@ from stewart_pin.model.description import (
     Note,
     Outcome,
 )
-from stewart_pin.model.loop_table import orthonormal_triad
+from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.typing import FloatArray
 
 

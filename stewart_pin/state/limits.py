@@ -25,7 +25,7 @@ import pinocchio as pin
 
 from stewart_pin.brief import Brief
 from stewart_pin.model.description import BALL, JointKind, loop_coordinates
-from stewart_pin.model.loop_table import orthonormal_triad
+from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.model.tree import LimitKind, Limits
 from stewart_pin.tolerances import AT_LIMIT
 from stewart_pin.typing import Configuration, FloatArray

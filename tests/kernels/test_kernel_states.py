@@ -10,7 +10,7 @@ import stewart_pin as stp
 from stewart_pin.kernels.graph.derivatives import configuration_chart
 from stewart_pin.kernels.kernels import Kernels, compile_kernels
 from stewart_pin.kernels.planning.tree import tree_of
-from stewart_pin.model.loop_table import orthonormal_triad
+from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.programs.status import StateStatus
 from tests import mechanisms
 from tests.closed_states import (

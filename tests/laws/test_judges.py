@@ -18,7 +18,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import StewartPinError
 from stewart_pin.model.description import JointKind
-from stewart_pin.model.loop_table import AngleRow, NormalRow
+from stewart_pin.model.loop_rows import AngleRow, NormalRow
 from tests.closed_states import random_configuration, random_motion
 from tests.mechanisms import gear_train, two_bodies
 
@@ -102,44 +102,44 @@ def less_inertia(masses: Any) -> Any:
 PLACES = (
     # rows of the states
     Place(
-        "model.loop_table",
+        "model.loop_rows",
         "closure_rows",
         "normal",
         after(rows_with(NormalRow, lambda r: replace(r, normal=turned(r.normal)))),
         "planar",
     ),
     Place(
-        "model.loop_table", "closure_rows", "normals in another order", after(lambda r: (r[1], r[0], *r[2:]))
+        "model.loop_rows", "closure_rows", "normals in another order", after(lambda r: (r[1], r[0], *r[2:]))
     ),
     Place(
-        "model.loop_table",
+        "model.loop_rows",
         "closure_rows",
         "axis in frame 1",
         after(rows_with(AngleRow, lambda r: replace(r, u1=turned(r.u1)))),
     ),
     Place(
-        "model.loop_table",
+        "model.loop_rows",
         "closure_rows",
         "axis in frame 2",
         after(rows_with(AngleRow, lambda r: replace(r, u2=turned(r.u2)))),
         "universal",
     ),
     Place(
-        "model.loop_table",
+        "model.loop_rows",
         "closure_rows",
         "sign of an axis",
         after(rows_with(AngleRow, lambda r: replace(r, u1=-r.u1))),
     ),
-    Place("model.loop_table", "closure_rows", "a row left out", after(lambda r: r[:-1])),
+    Place("model.loop_rows", "closure_rows", "a row left out", after(lambda r: r[:-1])),
     Place(
-        "model.loop_table",
+        "model.loop_rows",
         "closure_rows",
         "length",
         loop_of(lambda loop: replace(loop, length=1.1 * loop.length)),
         "distance",
     ),
     Place(
-        "model.loop_table",
+        "model.loop_rows",
         "orthonormal_triad",
         "sign of the third",
         after(lambda t: (t[0], t[1], -t[2])),

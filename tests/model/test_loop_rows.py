@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.model.description import LOOP_KINDS, JointKind, Loop
-from stewart_pin.model.loop_table import AngleRow, LengthRow, NormalRow, closure_rows, orthonormal_triad
+from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows, orthonormal_triad
 
 ROWS = {
     JointKind.FIXED: 6,

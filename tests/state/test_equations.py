@@ -11,7 +11,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import ClosureError, InputError, SingularityError
 from stewart_pin.model.description import LOOP_KINDS, JointKind
-from stewart_pin.model.loop_table import orthonormal_triad
+from stewart_pin.model.loop_rows import orthonormal_triad
 from tests.closed_states import along, close, derivative, random_configuration, random_motion
 from tests.mechanisms import two_bodies
 

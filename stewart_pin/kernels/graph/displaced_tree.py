@@ -15,7 +15,7 @@ from stewart_pin.kernels.graph.loop_rows import loop_columns
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant, skew
 from stewart_pin.kernels.planning.tree import LoopEnds, TreeJoint
-from stewart_pin.model.loop_table import LengthRow
+from stewart_pin.model.loop_rows import LengthRow
 from stewart_pin.model.tree import link_frame
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.geometry_parameters import Attachment, Displacement, geometry_parameters

@@ -21,7 +21,7 @@ from stewart_pin.kernels.planning.plan import Leg, LegEnd
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant, skew, turn_about
 from stewart_pin.kernels.planning.tree import TreeJoint
 from stewart_pin.model.description import JointKind
-from stewart_pin.model.loop_table import orthonormal_triad
+from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9

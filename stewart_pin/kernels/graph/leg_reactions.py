@@ -29,7 +29,7 @@ from stewart_pin.kernels.graph.platform_dynamics import (
 from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_square, solve_symmetric
 from stewart_pin.kernels.planning.plan import LegEnd
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant, shared
-from stewart_pin.model.loop_table import AngleRow, orthonormal_triad
+from stewart_pin.model.loop_rows import AngleRow, orthonormal_triad
 from stewart_pin.state.freedom import require_sufficient_motors
 from stewart_pin.typing import FloatArray
 

@@ -26,7 +26,7 @@ from stewart_pin.kernels.graph.joint_motion import (
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant
 from stewart_pin.kernels.planning.tree import CouplingRow, LoopEnds, Tree
 from stewart_pin.model.description import JointKind
-from stewart_pin.model.loop_table import AngleRow, LengthRow, NormalRow
+from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow
 
 
 @dataclass(frozen=True, eq=False)

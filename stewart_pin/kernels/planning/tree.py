@@ -13,7 +13,7 @@ import pinocchio as pin
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.planning.spatial import Masses
 from stewart_pin.model.description import JointKind
-from stewart_pin.model.loop_table import NormalRow, Row, closure_rows
+from stewart_pin.model.loop_rows import NormalRow, Row, closure_rows
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import FloatArray
 

@@ -20,7 +20,7 @@ from stewart_pin.mechanics.articulated_body.passes import (
 )
 from stewart_pin.mechanics.effort import Motion
 from stewart_pin.model.description import Loop
-from stewart_pin.model.loop_table import AngleRow, LengthRow, NormalRow, closure_rows
+from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State, as_chain, as_configuration, as_state
 from stewart_pin.tolerances import NOTHING

@@ -19,7 +19,7 @@ from stewart_pin.model.description import Coupling, JointKind, Loop, Note, Outco
 from stewart_pin.model.formats.mjcf.bodies import placement_of
 from stewart_pin.model.formats.mjcf.compiling import Names, given_names, import_mujoco
 from stewart_pin.model.formats.mjcf.tree import Tree
-from stewart_pin.model.loop_table import orthonormal_triad
+from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.typing import FloatArray
 
 

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from stewart_pin.errors import FileFormatError, MissingExtraError, UnsupportedError
 from stewart_pin.model.description import JointKind, Note, Outcome
-from stewart_pin.model.loop_table import orthonormal_triad
+from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.typing import FloatArray
 
 OWN = "stewart_pin:"

@@ -16,7 +16,7 @@ from stewart_pin.model.formats.sdf.tree import grow_tree
 from stewart_pin.model.formats.usd.bodies import Body
 from stewart_pin.model.formats.usd.joints import GROUND, Edge
 from stewart_pin.model.formats.usd.stage import Stage
-from stewart_pin.model.loop_table import orthonormal_triad
+from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.typing import FloatArray
 
 _POSED = 1e-3
