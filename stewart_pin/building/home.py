@@ -192,8 +192,8 @@ def settle_alone(chain: ClosedChain, slack: float = HOME_IN_FILE) -> ClosedChain
     guess = home_guess(chain)
     direct = polish(chain, guess)
     fault = _fault(chain, guess, direct, leeway)
-    if not fault and not _may_be_nearer(chain, direct.q, leeway):
-        return chain.with_home(direct.q)
+    if not fault and not _beyond_cones(chain, direct.q).any():
+        return chain.with_home(_inside(chain, guess, direct.q, leeway))
     found = _search(chain, guess, leeway)
     if isinstance(found, _Stuck) and fault:
         raise _no_home(chain, guess, leeway, fault, found)
@@ -590,13 +590,16 @@ def _told_of(chain: ClosedChain, q: Configuration) -> list[Note]:
     return [Note("home", f"{moved}, {why}", Outcome.CHANGED)] if moved else []
 
 
-def _may_be_nearer(chain: ClosedChain, q: Configuration, leeway: FloatArray) -> bool:
-    """Whether a search may bring joints inside their limits that stand beyond them, if only by what digits cost."""
-    beyond = {excess.joint for excess in chain.judge.positions(q)}
-    if not beyond or not (leeway == np.inf).any():
-        return bool(_beyond_cones(chain, q).any())
-    named = {name for name, given in zip(chain.tangent_names, leeway < np.inf, strict=True) if given}
-    return bool(beyond - named)
+def _inside(chain: ClosedChain, guess: Configuration, q: Configuration, leeway: FloatArray) -> Configuration:
+    """Bring joints that no home names inside their limits, where they are beyond by no more than digits cost."""
+    free = leeway == np.inf
+    named = {name for name, own in zip(chain.tangent_names, free, strict=True) if not own}
+    if not {excess.joint for excess in chain.judge.positions(q)} - named:
+        return q
+    within = np.clip(q, chain.model.lowerPositionLimit, chain.model.upperPositionLimit)
+    start = np.where(_in_configuration(chain, free), within, guess)
+    found = _bounded(chain, start, leeway, 0.0, cones=True)
+    return q if isinstance(found, _Stuck) else found
 
 
 def _outside(chain: ClosedChain, q: Configuration) -> tuple[Excess, ...]:
