@@ -546,7 +546,10 @@ def _no_home(
                 break
             smallest = min(smallest, closure, key=lambda c: c.gap)
         else:
-            fault = _fault(chain, guess, smallest, leeway) or fault
+            # Newton's method alone closes few large mechanisms from afar.
+            loose = _bounded(_unlimited(chain), guess, leeway, 0.0, cones=False) if stuck.held else stuck
+            closure = smallest if isinstance(loose, _Stuck) else polish(chain, loose)
+            fault = _fault(chain, guess, closure, leeway) or fault
     if stuck.held and "beyond its limits" in fault:
         held = ", ".join(f"'{name}'" for name in stuck.held)
         fault += (
@@ -557,6 +560,13 @@ def _no_home(
     if "do not close" in fault and gap < _ROUNDING:
         fault += f"; if that is rounding, load with closure_tolerance={2 * gap:.1g}, or more"
     return _wrong_home(chain, fault)
+
+
+def _unlimited(chain: ClosedChain) -> ClosedChain:
+    old = chain.mechanism
+    joints = tuple(replace(joint, lower=-np.inf, upper=np.inf) for joint in old.joints)
+    mechanism = replace(old, joints=joints)
+    return replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
 
 
 def _wrong_home(chain: ClosedChain, fault: str) -> MechanismError:

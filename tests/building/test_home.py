@@ -193,6 +193,27 @@ def test_limits_that_leave_no_home_are_named(tmp_path: Path) -> None:
     assert gap / np.sqrt(2) <= told <= gap + 1e-3  # the larger of two components
 
 
+@pytest.mark.slow
+def test_limits_of_a_large_mechanism_are_named_where_newton_closes_none(tmp_path: Path) -> None:
+    """Twenty four-bars on one shaft, each a step further; the range of their cranks is less than all steps."""
+    bars, loops = [], []
+    limit = '<limit lower="-0.1" upper="0.1" effort="1" velocity="1"/></joint>'
+    for k in range(20):
+        geared = f'<mimic joint="crank_turn0" multiplier="1" offset="{0.1 * k}"/>' if k else ""
+        bars += [
+            *(link(f"{name}{k}") for name in ("crank", "coupler", "rocker")),
+            joint(f"crank_turn{k}", "base", f"crank{k}", origin=f'xyz="0 {k} 0"', content=geared).replace(
+                "</joint>", limit
+            ),
+            joint(f"coupler_turn{k}", f"crank{k}", f"coupler{k}", "continuous", origin='xyz="0.3 0 0"'),
+            joint(f"rocker_turn{k}", "base", f"rocker{k}", "continuous", origin=f'xyz="0.9 {k} 0"'),
+        ]
+        ends = {"origin1": 'xyz="0.8 0 0"', "origin2": 'xyz="0.6 0 0"', "content": AXIS_Z}
+        loops.append(loop(f"pin{k}", "revolute", f"coupler{k}", f"rocker{k}", **ends))
+    with pytest.raises(MechanismError, match=r"'crank_turn0' would stand at .* stand in the way"):
+        stp.load(write(tmp_path, robot(link("base"), *bars, *loops)))
+
+
 def test_welds_are_not_closed_half_a_turn_off(rng: np.random.Generator) -> None:
     """A ball and a weld in place of each ball that closes a loop; half of the welds start beyond a right angle."""
     old = stp.load("stewart").described()
