@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -132,6 +133,11 @@ class Judge:
         slack = AT_LIMIT * self.sizes(self._tree)
         lower, upper = limits.bounds("position", self._tree).T
         self._least, self._most = lower - slack, upper + slack
+
+    @cached_property
+    def readers(self) -> list[_Read]:
+        """One function of placements and configuration per row beyond the tangent entries, in their order."""
+        return _readers(self._chain)
 
     def positions(
         self, q: Configuration, *, slack: float = AT_LIMIT, entries: np.ndarray | None = None
@@ -367,7 +373,7 @@ def _nearest_turn(step: FloatArray, chain: ClosedChain, rows: np.ndarray) -> Flo
 def _coordinates(chain: ClosedChain, rows: np.ndarray, q: FloatArray) -> FloatArray:
     """(N, k) swings and angles of balls, and coordinates of loops, angles by the turn nearest to their range."""
     wanted = set(rows.tolist())
-    readers = [reader for row, reader in enumerate(_readers(chain), start=chain.nv) if row in wanted]
+    readers = [reader for row, reader in enumerate(chain.judge.readers, start=chain.nv) if row in wanted]
     scratch = chain.scratches.take()
     try:
         found = np.empty((len(q), rows.size))
