@@ -37,12 +37,11 @@ def held_acceleration(
     inertia = upper + np.triu(upper, 1).T
     push = tau - pin.nonLinearEffects(model, data, q, v)
     scale = chain.tangent_scale
-    rows = np.vstack([stp.loop_jacobian(chain, q), np.eye(chain.nv)[held]]) * scale
-    bias = np.concatenate([stp.loop_bias(chain, q, v), np.zeros(len(held))])
-    # In natural units, so that redundant rows are told from round-off.
-    heights, size = np.abs(rows).max(axis=1), np.abs(scale[:, None] * inertia * scale).max()
-    heights[heights == 0.0] = 1.0
-    rows, bias = rows / heights[:, None], bias / heights
+    # In natural units, so that redundant rows are told from round-off: a row that is round-off must stay it.
+    sizes = np.concatenate([chain.row_sizes, scale[held]])
+    rows = np.vstack([stp.loop_jacobian(chain, q), np.eye(chain.nv)[held]]) * scale / sizes[:, None]
+    bias = np.concatenate([stp.loop_bias(chain, q, v), np.zeros(len(held))]) / sizes
+    size = np.abs(scale[:, None] * inertia * scale).max()
     system = np.block(
         [[scale[:, None] * inertia * scale / size, rows.T], [rows, np.zeros((len(rows), len(rows)))]]
     )
