@@ -38,8 +38,8 @@ _EXACT = 1e-13
 """Singular values below this are round-off of a mechanism whose numbers are exact."""
 _SAMPLES = 8
 """Configurations along the motion, and as many for each of its freedoms, that join the equations at a time."""
-_LARGEST = 250
-"""Places times configurations for each sample, beyond which the equations take minutes."""
+_LARGEST = 2400
+"""Places times configurations that join at a time, beyond which the equations may take minutes."""
 _PROBES = 2
 """Configurations on which a mechanism that is exact at home is tried."""
 _ROUNDS = 4
@@ -195,10 +195,13 @@ class _Motion:
     ) -> None:
         self.chain, self.home, self.rank = chain, home, rank
         self.places, self.forgiven = places, forgiven
-        self.spurious = np.linalg.svd(home.rows, compute_uv=False)[rank:]
+        _, values, vt = np.linalg.svd(home.rows)
+        self.spurious = values[rank:]
+        # The spin of a rod between two balls is one of its own whatever the digits, and tells nothing of them.
+        self.samples = _SAMPLES * (1 + _not_idle(home, vt[rank:].T, forgiven))
 
     def walk(self, regular: float, rng: np.random.Generator) -> _Walk:
-        return _Walk(self.home, self.rank, self.forgiven, regular, rng)
+        return _Walk(self.home, self.rank, self.forgiven, regular, self.samples, rng)
 
     def exact(self, beyond: Sequence[State]) -> bool:
         """Whether rows that should repeat do so to round-off: home may be exact by symmetry, and the motion not."""
@@ -208,7 +211,7 @@ class _Motion:
     def absorbed(self) -> ClosedChain:
         """Move joints and loops so that they do so exactly."""
         chain, rank, places, forgiven = self.chain, self.rank, self.places, self.forgiven
-        if len(places) * (1 + chain.nv - rank) > _LARGEST:
+        if len(places) * self.samples > _LARGEST:
             raise self.undecided("the mechanism is too large to look for one that keeps them")
         ease, rng = np.ones(6 * len(places)), np.random.default_rng(0)
         for regular in _REGULAR:
@@ -282,9 +285,15 @@ class _Walk:
     """Configurations along the motion, each near the one before, far from its singularities; seeded."""
 
     def __init__(
-        self, home: State, rank: int, forgiven: float, regular: float, rng: np.random.Generator
+        self,
+        home: State,
+        rank: int,
+        forgiven: float,
+        regular: float,
+        samples: int,
+        rng: np.random.Generator,
     ) -> None:
-        self.at, self.rank, self.forgiven = home, rank, forgiven
+        self.at, self.rank, self.forgiven, self.samples = home, rank, forgiven, samples
         self.least = regular * _smallest(home, rank)
         self.rng = rng
         self.along = np.zeros(home.chain.nv)
@@ -292,7 +301,7 @@ class _Walk:
     def on(self, chain: ClosedChain, wanted: int = 0) -> list[State] | None:
         """Take the next configurations, or say that the motion is none: rows that should repeat do not."""
         freedoms = chain.nv - self.rank
-        wanted = wanted or _SAMPLES * (1 + freedoms)
+        wanted = wanted or self.samples
         found, stride = [], _STRIDE
         state, along = chain.at(self.at.q), self.along
         for _ in range(4 * wanted):
@@ -317,6 +326,16 @@ class _Walk:
             state, along, stride = closed.state, step / stride, _STRIDE
         self.at, self.along = state, along
         return found or (None if freedoms else [state])
+
+
+def _not_idle(state: State, motions: FloatArray, forgiven: float) -> int:
+    """Count the motions that move motors or platform; all, where there are none of these to move."""
+    chain = state.chain
+    shares = [motions[chain.motor_index]]
+    if chain.platform is not None:
+        shares.append((state.P / chain.twist_sizes[:, None]) @ (chain.tangent_scale[:, None] * motions))
+    values = np.linalg.svd(np.vstack(shares), compute_uv=False)
+    return int(np.count_nonzero(values > forgiven)) or motions.shape[1]
 
 
 def _smallest(state: State, rank: int) -> float:
