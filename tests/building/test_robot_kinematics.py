@@ -93,6 +93,19 @@ def hexaglide(pose: pin.SE3) -> np.ndarray:
     return heads[:, 0] + side * np.sqrt(0.6**2 - (rail - heads[:, 1]) ** 2 - (0.4 - heads[:, 2]) ** 2)
 
 
+def par4(pose: pin.SE3) -> np.ndarray:
+    """Parts of the plate do not turn, their link does: |p + R(θ) e + c - crank end| = l (Nabat et al. 2005)."""
+    out = level(np.radians([45, 135, 225, 315]))
+    link = pose.rotation @ [0, 0.1, 0]
+    # From the link's middle half the link to a part, then along the part to where the rods of a chain meet it.
+    corners = pose.translation + np.array([1, 1, -1, -1])[:, None] * link
+    corners = corners + np.array([[0.04, 0.02, 0], [-0.2, 0.02, 0], [-0.2, -0.02, 0], [0.04, -0.02, 0]])
+    aside = np.sum(corners * np.cross(Z, out), axis=1)
+    return -two_link(
+        np.sum(corners * out, axis=1) - 0.275, corners[:, 2], 0.375, np.sqrt(0.825**2 - aside**2), 1.0
+    )
+
+
 def turned(x: float = 0.0, y: float = 0.0, z: float = 0.0, rotation: np.ndarray | None = None) -> pin.SE3:
     return pin.SE3(np.eye(3) if rotation is None else rotation, np.array([x, y, z]))
 
@@ -127,6 +140,15 @@ CASES: dict[str, tuple[Callable[[pin.SE3], np.ndarray], list[pin.SE3]]] = {
     "linear_delta": (
         linear_delta,
         [turned(*p) for p in ((0, 0, 0.1), (0.05, -0.04, 0.05), (-0.06, 0.03, 0.2), (0, 0.08, 0.12))],
+    ),
+    "par4": (
+        par4,
+        [
+            turned(0.08, 0, -0.7),
+            turned(0.2, -0.1, -0.8, rpy(0, 0, 0.5)),
+            turned(0.0, 0.15, -0.75, rpy(0, 0, -0.8)),
+            turned(0.1, 0.1, -0.9, rpy(0, 0, 0.3)),
+        ],
     ),
     "ankle_2rss": (ankle, [turned(rotation=rpy(r, p, 0)) for r, p in ((0, 0), (0.2, 0.3), (-0.25, 0.1), (0.1, -0.5))]),
     "hexaglide": (
@@ -176,6 +198,25 @@ def test_platforms_that_only_translate(name: str, rng: np.random.Generator) -> N
     turning = pin.SE3(rpy(0, 0, 0.1), stp.platform_pose(chain, chain.q_home).translation)
     with pytest.raises(StewartPinError):
         stp.inverse_kinematics(chain, turning)
+
+
+def test_par4_translates_and_turns_about_the_vertical(rng: np.random.Generator) -> None:
+    """Motors that go up and down in turn turn it, less than a quarter, where the plate is flat; it cannot tilt."""
+    chain = robot("par4")
+    home = stp.motor_positions(chain, chain.q_home)
+    start = stp.platform_pose(chain, chain.q_home)
+    for _ in range(3):
+        motors = home + rng.uniform(-0.05, 0.05, 4)
+        pose = stp.platform_pose(chain, stp.forward_kinematics(chain, motors).q)
+        np.testing.assert_allclose(pose.rotation[:, 2], Z, atol=1e-9)
+    by_turns = stp.forward_kinematics(chain, home + 0.05 * np.array([-1, 1, -1, 1]))
+    assert abs(pin.log3(stp.platform_pose(chain, by_turns.q).rotation)[2]) > 0.2
+    with pytest.raises(StewartPinError):
+        stp.inverse_kinematics(chain, pin.SE3(rpy(0.1, 0, 0), start.translation))
+    beyond = pin.SE3(rpy(0, 0, np.pi / 2), start.translation)
+    motors = par4(beyond)
+    with pytest.raises(StewartPinError):
+        stp.forward_kinematics(chain, motors + 0.05 * np.sign(motors - home))
 
 
 def test_the_sphere_keeps_its_centre_and_the_eye_one_answer(rng: np.random.Generator) -> None:

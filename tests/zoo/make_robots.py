@@ -217,6 +217,39 @@ def linear_delta(m: RobotTelling) -> None:
 
 
 @robot
+def par4(m: RobotTelling) -> None:
+    # Two parts of the plate keep their directions, each held by two chains; the links between them turn.
+    base, crank, rod, half = 0.275, 0.375, 0.825, 0.05
+    along, across, corner, angle = 0.08, 0.1, 0.12, np.pi / 6
+    reach = base + crank * np.cos(angle) - np.sqrt(2) * corner
+    height = -crank * np.sin(angle) - np.sqrt(rod**2 - reach**2)
+    m.disc("base", (0, 0, 0.05), Z, 0.3, 0.02, 0, STEEL)
+    m.free("platform", along * X + height * Z)
+    ends = {(x, y): np.array([along * x, across * y, height]) for x in (1, -1) for y in (1, -1)}
+    m.bar("platform", ends[1, 1], ends[1, -1], 0.012, 0.1, GREEN)
+    m.bar("platform", along * X + height * Z, along * X + (height - 0.08) * Z, 0.012, 0.1, GREEN)
+    for part, y in (("front", 1), ("back", -1)):
+        m.r(f"{part}_hinge", "platform", part, ends[1, y], Z)
+        m.bar(part, ends[1, y] + 0.03 * X, ends[-1, y] - 0.03 * X, 0.012, 0.15)
+    m.r("link_hinge", "front", "link", ends[-1, 1], Z)
+    m.bar("link", ends[-1, 1], ends[-1, -1], 0.012, 0.1)
+    m.close("plate_hinge", "link", "back", ends[-1, -1], "revolute", Z)
+    for k, turn in enumerate(np.radians([45, 135, 225, 315]), start=1):
+        out, tangent = around(1, 0, turn), around(1, 0, turn + np.pi / 2)
+        hip, low = base * out, np.sqrt(2) * corner * out + height * Z
+        knee = hip + crank * (np.cos(angle) * out - np.sin(angle) * Z)
+        part = "front" if k < 3 else "back"
+        m.disc("base", hip, tangent, 0.04, 0.08, 0, STEEL)
+        # Positive angles turn down, which pushes the plate away.
+        m.r(f"motor{k}", "base", f"crank{k}", hip, tangent, home=angle, motor=(60.0, 20.0), range=(-0.8, 1.5))
+        m.bar(f"crank{k}", hip, knee, 0.02, 0.5, BLUE)
+        m.bar(f"crank{k}", knee - half * tangent, knee + half * tangent, 0.008, 0.05, BLUE)
+        m.bar(part, low - half * tangent, low + half * tangent, 0.008, 0.05)
+        m.bar(part, low, np.array([along * np.sign(low[0]), across * np.sign(low[1]), height]), 0.008, 0.02)
+        _pair_of_rods(m, k, f"crank{k}", knee, low, tangent, half, (0.006, 0.06), part)
+
+
+@robot
 def hexaglide(m: RobotTelling) -> None:
     # Six sledges on parallel rails, mirrored left and right: of each side two before the platform, one behind it.
     rod, height, top = 0.6, 0.4, 0.16
