@@ -45,7 +45,7 @@ def test_two_positions_merge_at_a_shared_angle() -> None:
     np.testing.assert_allclose(modes.position[level], [[1.0, 0.0]], atol=MERGED)
 
 
-@pytest.mark.parametrize("reach", [2, 3])
+@pytest.mark.parametrize("reach", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_lattice_geometries(rng: np.random.Generator, reach: int) -> None:
     """Small integers make every kind of coincidence: right angles, equal sides, folded and double legs."""
     kinds = set()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -46,9 +47,18 @@ def case(request: pytest.FixtureRequest, chain: stp.ClosedChain, rng: np.random.
     return Case(chain, q, *random_motion(chain, rng, q), request.param)
 
 
+LONG_PROGRAMS = ("arm_7r", "delta", "hexapod_rss", "stewart_cad", "stewart_s1", "stewart_sps")
+"""Robots whose kernels take seconds to be written."""
+
+
+@pytest.hookimpl(tryfirst=True)  # before slow tests are left out
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Ask the mechanisms of the zoo at a generic pose and next to a singularity only."""
+    """Ask mechanisms of the zoo at a generic pose and next to a singularity only; leave much to the slow tests."""
     told = [(item, getattr(getattr(item, "callspec", None), "params", {})) for item in items]
+    for item, p in told:
+        long = item.path.stem == "test_kernels" and p.get("chain") in LONG_PROGRAMS
+        if item.path.parent == Path(__file__).parent and (long or p.get("case") == "symmetric"):
+            item.add_marker(pytest.mark.slow)
     zoo = {row.name for row in ZOO}
     left = [item for item, p in told if p.get("chain") in zoo and p.get("case") in ("home", "symmetric")]
     if left:

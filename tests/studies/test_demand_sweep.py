@@ -21,6 +21,7 @@ from stewart_pin.motion import motor_demand as motor_demand_module
 from stewart_pin.studies import demand_sweep
 from stewart_pin.studies.answers import Carried
 from stewart_pin.studies.demand_sweep import _digest
+from tests.closed_states import slow_but_for_few
 from tests.mechanisms import gear_train
 from tests.studies import functions
 from tests.studies.motions import PHASE, design, robot, shake, shake_stewart
@@ -121,7 +122,12 @@ def test_lowering_a_weight_gives_its_energy_to_the_motors() -> None:
     close(found, stp.sweep_demand(chain, lower, axes, kernels=False))
 
 
-@pytest.mark.parametrize("name", ["stewart", "hexapod_rss", "delta", "rpr_planar", "arm_3r_planar"])
+@pytest.mark.parametrize(
+    "name",
+    slow_but_for_few(
+        ["stewart", "hexapod_rss", "delta", "rpr_planar", "arm_3r_planar"], ["stewart", "rpr_planar"]
+    ),
+)
 def test_kernels_change_nothing(name: str) -> None:
     """Legs in closed form and, of the arm, iteration; the careful verbs take milliseconds a state, so few points."""
     chain = robot(name)
