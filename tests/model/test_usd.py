@@ -392,8 +392,7 @@ def test_turned_frames_of_few_digits(tmp_path: Path, digits: int) -> None:
 def test_single_precision_counts_as_digits(tmp_path: Path) -> None:
     path = tmp_path / "goldberg.usda"
     stp.export(stp.load(Path(__file__).parents[1] / "zoo/urdf/goldberg_5r.urdf"), path, format="usd")
-    # A number whose last digit is 0 by chance is as one of fourteen decimals.
-    assert max(stp.load(path).mechanism.digits or (1.0,)) <= 5e-15
+    assert stp.load(path).mechanism.digits == (0.0, 0.0)
     length, angle = stp.load(as_others_see_it(path)).mechanism.digits or (0.0, 0.0)
     assert length < 1e-7 and 1e-8 < angle <= 1e-6
     # Without them, its loop does not close.

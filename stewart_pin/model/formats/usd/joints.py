@@ -31,6 +31,10 @@ from stewart_pin.typing import FloatArray
 
 GROUND = ""
 """Stands for the path of the body that a joint to the world has."""
+_UNIT = 1e-13
+"""How far the square of a unit vector of all digits may be from one: its last digits are kept."""
+_CHANCE = 1e-14
+"""Half a unit of a last digit that a number of double precision may lack by chance."""
 _OPEN = Bounds()
 _TYPED = {
     "PhysicsFixedJoint": JointKind.FIXED,
@@ -299,7 +303,8 @@ class JointReader:
             turned = [*(value for frame in frames for value in frame[:3, :3].flat)]
             turned += [*self.stage.own(prim, "axis", ())]
             angles = [half_unit(repr(float(value))) for value in turned]
-            found = Precision(max(lengths), max(angles))
+            # A number whose last digit is 0 by chance is none of fourteen decimals.
+            found = Precision(*(most if most > _CHANCE else 0.0 for most in (max(lengths), max(angles))))
             self.digits = Precision(
                 max(self.digits.length, found.length), max(self.digits.angle, found.angle)
             )
@@ -490,7 +495,7 @@ class JointReader:
         if any(np.abs(one).max() > 2 or abs(np.linalg.norm(one) - 1) > 1e-9 for one in (axis, axis2)):
             return None
         axis, axis2 = (
-            one / np.linalg.norm(one) if abs(one @ one - 1) > 1e-15 else one for one in (axis, axis2)
+            one / np.linalg.norm(one) if abs(one @ one - 1) > _UNIT else one for one in (axis, axis2)
         )
         turned = schema_frames(edge.kind, *frames, axis, axis2)
         if not (
