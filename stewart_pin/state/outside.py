@@ -1,0 +1,328 @@
+"""Wrenches that act on a mechanism from outside: where they act, and what they do to the joints of the tree.
+
+A wrench is [force; moment] on a link, at the origin of the link's frame, in world axes. With J_f the Jacobian of that
+origin the equation of motion of the tree becomes
+
+    M a + nle = Sᵀ tau_motor + J_cᵀ lambda_c + Σ J_fᵀ w_f .
+
+This is the one place of the formulations on the tree that knows it; `mechanics.constraint_matrix` and
+`mechanics.articulated_body`, which judge them, put forces on bodies by themselves.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.checks import as_array
+from stewart_pin.errors import InputError
+from stewart_pin.model.tree import link_frame
+from stewart_pin.state.state import State
+from stewart_pin.typing import ArrayLike, FloatArray
+
+if TYPE_CHECKING:
+    from stewart_pin.state.chain import ClosedChain
+
+Wrenches: TypeAlias = Mapping[str, ArrayLike]
+"""{link: (6,) [force; moment] on it, at the origin of its frame, world axes} [N, N m]."""
+
+
+class Place(NamedTuple):
+    """Where the frame of a link stands in the tree.
+
+    Attributes
+    ----------
+    link
+        Name of the link.
+    joint
+        Number of the joint that carries it, in Pinocchio's model; 0: the ground.
+    placement
+        The frame in the joint.
+    """
+
+    link: str
+    joint: int
+    placement: pin.SE3
+
+
+@dataclass(frozen=True, eq=False)
+class OutsideWrenches:
+    """Checked wrenches of one state.
+
+    Attributes
+    ----------
+    places
+        Where they act.
+    values
+        (k, 6) [force; moment] of each at the origin of its frame, world axes [N, N m].
+    joints
+        (k,) number of the joint that carries each [index].
+    points
+        (k, 3) origin of each frame in its joint [m].
+    """
+
+    places: tuple[Place, ...]
+    values: FloatArray
+    joints: np.ndarray
+    points: FloatArray
+
+    def by_link(self) -> dict[str, FloatArray]:
+        """Tell which link bears what.
+
+        Returns
+        -------
+        dict
+            (6,) wrench of each link [N, N m].
+        """
+        return {place.link: value for place, value in zip(self.places, self.values, strict=True)}
+
+
+def outside_places(chain: ClosedChain, links: Iterable[str]) -> tuple[Place, ...]:
+    """Find where frames of links stand in the tree.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    links
+        Names of links; ``chain.platform`` is the platform's.
+
+    Returns
+    -------
+    tuple of Place
+        One per name.
+
+    Raises
+    ------
+    InputError
+        If a name is none of a link.
+    """
+    known: dict[str, Place] = chain.found.setdefault("outside_places", {})
+    found = []
+    for name in links:
+        place = known.get(name) if isinstance(name, str) else None
+        if place is None:
+            place = known[name] = _place(chain, name)
+        found.append(place)
+    return tuple(found)
+
+
+def _place(chain: ClosedChain, name: str) -> Place:
+    links = [link.name for link in chain.mechanism.links]
+    if name not in links:
+        raise InputError(_unknown(chain, name, links))
+    frame = chain.model.frames[link_frame(chain.model, name)]
+    return Place(name, frame.parentJoint, pin.SE3(frame.placement))
+
+
+def _unknown(chain: ClosedChain, name: object, links: list[str]) -> str:
+    """Say that a name is none of a link, with the ones that may be meant."""
+    text = f"wrenches act on links, and {name!r} is no link of '{chain.name}'"
+    moved = next((joint.child for joint in chain.mechanism.joints if joint.name == name), None)
+    if moved is not None:
+        return f"{text} but a joint; name the link that it moves, {moved!r}, or another one"
+    near = difflib.get_close_matches(str(name), links, n=3)
+    if near:
+        return f"{text}; did you mean {' or '.join(map(repr, near))}?"
+    return f"{text}; the links are: {', '.join(links)}"
+
+
+def as_wrenches(chain: ClosedChain, wrenches: Wrenches | OutsideWrenches | None) -> OutsideWrenches | None:
+    """Check the wrenches of one state.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    wrenches
+        {link: (6,)} [force; moment] on the link, at the origin of its frame, world axes; or checked ones; or None
+        [N, N m].
+
+    Returns
+    -------
+    OutsideWrenches or None
+        None where there are none.
+
+    Raises
+    ------
+    InputError
+        If they are no mapping, a name is none of a link, or a wrench has the wrong shape or is not finite.
+    """
+    if wrenches is None or isinstance(wrenches, OutsideWrenches):
+        return wrenches
+    places = outside_places(chain, _names(wrenches))
+    if not places:
+        return None
+    values = np.array([as_array(f"wrenches[{p.link!r}]", wrenches[p.link], (6,)) for p in places])
+    return _outside(places, values)
+
+
+def wrench_samples(chain: ClosedChain, wrenches: Wrenches | None, count: int) -> tuple[OutsideWrenches, ...]:
+    """Check the wrenches of many states.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    wrenches
+        {link: (6,) or (N, 6)}: the same all the time, or one per state; or None [N, N m].
+    count
+        Number of states, N.
+
+    Returns
+    -------
+    tuple of OutsideWrenches
+        One per state; empty where there are none.
+
+    Raises
+    ------
+    InputError
+        If they are no mapping, a name is none of a link, or a wrench has the wrong shape or is not finite.
+    """
+    if wrenches is None:
+        return ()
+    places = outside_places(chain, _names(wrenches))
+    if not places:
+        return ()
+    values = np.empty((count, len(places), 6))
+    for k, place in enumerate(places):
+        name, given = f"wrenches[{place.link!r}]", wrenches[place.link]
+        if np.ndim(given) not in (1, 2) or np.shape(given) not in ((6,), (count, 6)):
+            raise InputError(f"{name} must have shape (6,) or ({count}, 6), got {np.shape(given)}")
+        values[:, k] = as_array(name, given, np.shape(given))
+    return tuple(_outside(places, value) for value in values)
+
+
+def _names(wrenches: Wrenches) -> list[str]:
+    if not isinstance(wrenches, Mapping):
+        raise InputError(
+            "wrenches must be a mapping from the name of a link to [force; moment] on it, "
+            f"{{'platform': [0, 0, -10, 0, 0, 0]}}, got {type(wrenches).__name__}"
+        )
+    return list(wrenches)
+
+
+def _outside(places: tuple[Place, ...], values: FloatArray) -> OutsideWrenches:
+    joints = np.array([place.joint for place in places])
+    points = np.array([place.placement.translation for place in places])
+    return OutsideWrenches(places, values, joints, points)
+
+
+# ----------------------------------------------------------------------------------------------------
+# What they do to the tree
+# ----------------------------------------------------------------------------------------------------
+
+
+def outside_efforts(state: State, outside: OutsideWrenches) -> FloatArray:
+    """Compute the joint efforts that do the same work, Σ J_fᵀ w_f.
+
+    Parameters
+    ----------
+    state
+        The state.
+    outside
+        Wrenches.
+
+    Returns
+    -------
+    numpy.ndarray
+        (nv,) [N, N m].
+    """
+    at_origin = _at_origin(_points(state, outside), outside.values)
+    return ((at_origin @ state._joints) * state.chain.carriers[outside.joints]).sum(axis=0)
+
+
+def outside_power(state: State, outside: OutsideWrenches) -> float:
+    """Compute the power that comes from outside, Σ w_fᵀ twist_f.
+
+    Parameters
+    ----------
+    state
+        The state.
+    outside
+        Wrenches.
+
+    Returns
+    -------
+    float
+        Power [W].
+    """
+    return float(outside_efforts(state, outside) @ state.v)
+
+
+def outside_effort_derivative(state: State, outside: OutsideWrenches) -> FloatArray:
+    """Differentiate the joint efforts of `outside_efforts` by the configuration; forces and moments keep their axes.
+
+    Parameters
+    ----------
+    state
+        The state.
+    outside
+        Wrenches.
+
+    Returns
+    -------
+    numpy.ndarray
+        (nv, nv) change of each effort along each tangent entry [N, N m per m or rad].
+    """
+    chain, joints = state.chain, state._joints
+    moving, turning = joints[:3].T, joints[3:].T
+    points = _points(state, outside)
+    carriers = [number for number, joint in enumerate(chain.model.joints) if number for _ in range(joint.nv)]
+    carried = chain.carriers[carriers]  # row i: what moves the axis of entry i, or its carrier
+    derivative = np.zeros((chain.nv, chain.nv))
+    for joint, point, value in zip(outside.joints, points, outside.values, strict=True):
+        force, moment = value[:3], value[3:] + np.cross(point, value[:3])
+        # A motion j below the axis i turns and shifts it, s_j × s_i, and moves the point at which the force acts:
+        # d(s_iᵀ w) = (s_j × s_i)ᵀ w + ω_iᵀ (dp_j × F), with s_j × s_i = [ω_j × v_i + v_j × ω_i; ω_j × ω_i].
+        own = (
+            moving @ np.cross(force, turning).T
+            + turning @ (np.cross(force, moving) + np.cross(moment, turning)).T
+        )
+        shift = moving + np.cross(turning, point)
+        support = chain.carriers[joint]
+        derivative += np.outer(support, support) * (carried * own + turning @ np.cross(shift, force).T)
+    return derivative
+
+
+def joint_forces(state: State, outside: OutsideWrenches, unit: float = 1.0) -> list[pin.Force]:
+    """Express the wrenches in the joints that carry them, as Pinocchio's algorithms take forces from outside.
+
+    Parameters
+    ----------
+    state
+        The state.
+    outside
+        Wrenches.
+    unit
+        Unit in which forces are counted [N].
+
+    Returns
+    -------
+    list of pinocchio.Force
+        One per joint of the model, in its own axes, at its origin [N, N m].
+    """
+    forces = [pin.Force.Zero() for _ in range(state.chain.model.njoints)]
+    for joint, point, value in zip(outside.joints, outside.points, outside.values / unit, strict=True):
+        turned = state._placed.rotation[joint].T
+        force, moment = turned @ value[:3], turned @ value[3:]
+        forces[joint] += pin.Force(force, moment + np.cross(point, force))
+    return forces
+
+
+def _points(state: State, outside: OutsideWrenches) -> FloatArray:
+    """Origins of the frames in the world (k, 3) [m]."""
+    placed, joints = state._placed, outside.joints
+    return placed.translation[joints] + (placed.rotation[joints] @ outside.points[:, :, None])[:, :, 0]
+
+
+def _at_origin(points: FloatArray, values: FloatArray) -> FloatArray:
+    """Wrenches at the world origin (k, 6) [N, N m]."""
+    moved = values.copy()
+    moved[:, 3:] += np.cross(points, values[:, :3])
+    return moved
