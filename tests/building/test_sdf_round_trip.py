@@ -157,6 +157,22 @@ def test_couplings_without_a_word(coupling: Coupling, words: str, tmp_path: Path
         again(chain, tmp_path)
 
 
+@pytest.mark.parametrize(
+    "motors",
+    [
+        ("leg6_y",),
+        ("leg6_x", "leg1"),
+        ("leg6_y", "leg6_x"),
+        ("leg6_x", "leg1", "leg6_y"),
+        ("leg6_x", "leg6_y"),
+    ],
+    ids="-".join,
+)
+def test_motors_on_the_hinges_of_a_cross(motors: tuple[str, ...], tmp_path: Path) -> None:
+    """As one universal joint both would be driven, one after the other."""
+    assert again(stp.load("stewart", motors=motors), tmp_path).motors == motors
+
+
 @pytest.mark.parametrize("motors", [(), ("rocker_hinge",)])
 def test_roles_and_gravity(motors: tuple[str, ...], tmp_path: Path) -> None:
     chain = stp.load("four_bar", motors=motors, platform="rocker", gravity=(0.1, 0.2, -1.62))

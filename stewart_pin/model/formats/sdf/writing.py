@@ -4,7 +4,8 @@ Links stand where they are at home: there every loop is closed, and a joint that
 same child, as Gazebo Classic has it, marked as the one to cut. The joints of the file read zero there; what they read
 in the chain stands in words of our own (see `elements`), as do motors, platform and limits that SDFormat does not know.
 Two hinges about a cross without mass become one universal joint, and a thread a screw, where they are called as `load`
-calls them. A link that is no body is a frame where it only marks a place, and else a link without mass.
+calls them and motors drive both hinges, one after the other, or none. A link that is no body is a frame where it only
+marks a place, and else a link without mass.
 
 References
 ----------
@@ -117,6 +118,7 @@ def _rows(mechanism: Mechanism) -> dict[str, tuple[Joint, Joint, float]]:
     busy = {link for loop in mechanism.loops for link in (loop.link1, loop.link2)} | {mechanism.platform}
     used = [name for coupling in mechanism.couplings for name in coupling.joints]
     names = {joint.name for joint in mechanism.joints}
+    motors = [joint.name for joint in mechanism.joints if joint.independent]
     found: dict[str, tuple[Joint, Joint, float]] = {}
     for first in mechanism.joints:
         link, below = mechanism.link(first.child), by_parent.get(first.child, [])
@@ -128,7 +130,11 @@ def _rows(mechanism: Mechanism) -> dict[str, tuple[Joint, Joint, float]]:
         if second.name in taken:
             continue
         at_once = np.array_equal(second.placement.homogeneous, np.eye(4))
-        if second.kind is JointKind.REVOLUTE and at_once and not names & set(_parts(first, second)):
+        # Of a joint as a whole the file says that it is driven, and where it stands among the motors.
+        driven = [motors.index(part.name) for part in (first, second) if part.independent]
+        alike = not driven or (len(driven) == 2 and driven[1] == driven[0] + 1)
+        called = not names & set(_parts(first, second))
+        if second.kind is JointKind.REVOLUTE and at_once and alike and called:
             found[first.name] = first, second, 0.0
             continue
         thread = next((c for c in mechanism.couplings if c.name == f"{first.name}_thread"), None)
