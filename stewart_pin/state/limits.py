@@ -1,22 +1,8 @@
-"""The one judge of limits: what a state, or a row of states, asks of each joint, and by how much that is too much.
-
-A joint that closes a loop has no coordinate of its own; its position is read off the relative placement 1M2 of the loop
-frames, with translation t and rotation R. With a the axis in both frames (a universal joint: a in frame 1, b in frame
-2) and d perpendicular to a,
-
-========= ==================================================================
-angle     of R about a: from d to R d, seen along a
-length    a · t
-angle 1   of a universal joint: from b to R b about a, with R = exp(a α) exp(b β)
-angle 2   from Rᵀ a to a about b
-swing     of a ball: the angle between a and R a
-angle     of a ball: that of its whole rotation
-========= ==================================================================
-"""
+"""The one judge of limits: what a state, or a row of states, asks of each joint, and by how much that is too much."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -25,21 +11,20 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.brief import Brief
-from stewart_pin.model.description import BALL, JointKind, loop_coordinates
-from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.model.tree import LimitKind, Limits
+from stewart_pin.state.joint_coordinates import JointCoordinates
+from stewart_pin.state.scratch import PlacedJoints
 from stewart_pin.tolerances import AT_LIMIT
-from stewart_pin.typing import Configuration, FloatArray
+from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 if TYPE_CHECKING:
     from stewart_pin.state.chain import ClosedChain
 
-_Read = Callable[[Sequence[pin.SE3], Configuration], float]
 _BY_DIFFERENCES = 1e-6
-"""The same for rates of coordinates of loops, which are differences of positions."""
-_STEP = 1e-4
-"""Displacement, in radians and robot sizes, by which coordinates of loops are differentiated: with rounding 1e-16 and
-curvature one, rates are right to 1e-9 and accelerations to 1e-7."""
+"""The same for accelerations of coordinates of balls and loops, which are differences of velocities."""
+_STEP = 1e-5
+"""Displacement, in radians and robot sizes, by which rates of these are differentiated: with rounding 1e-16 and
+curvature one, accelerations are right to 1e-10."""
 _DERIVED: tuple[LimitKind, ...] = ("velocity", "acceleration")
 
 
@@ -135,9 +120,9 @@ class Judge:
         self._least, self._most = lower - slack, upper + slack
 
     @cached_property
-    def readers(self) -> list[_Read]:
-        """One function of placements and configuration per row beyond the tangent entries, in their order."""
-        return _readers(self._chain)
+    def coordinates(self) -> JointCoordinates:
+        """Coordinates of balls, and of joints that close loops."""
+        return JointCoordinates(self._chain)
 
     def positions(
         self, q: Configuration, *, slack: float = AT_LIMIT, entries: np.ndarray | None = None
@@ -225,7 +210,7 @@ class Judge:
         motions
             (nv, k) tangent velocities, one in each column [m/s, rad/s].
         rows
-            (r,) rows of the limits; those of loops are differentiated by differences [index].
+            (r,) rows of the limits [index].
 
         Returns
         -------
@@ -236,8 +221,7 @@ class Judge:
         tree, extra = rows[rows < nv], rows[rows >= nv]
         if not extra.size:
             return motions[tree]
-        along = np.repeat(q[None], motions.shape[1], axis=0)
-        return np.vstack([motions[tree], self._of_loops("velocity", extra, along, motions.T, None).T])
+        return np.vstack([motions[tree], self._jacobian(q, extra) @ motions])
 
     def excesses(
         self, asked: Iterable[Asked], *, time: FloatArray | None = None, slack: float = AT_LIMIT
@@ -308,7 +292,8 @@ class Judge:
         """
         if asked.kind == "position":
             return np.repeat(slack * self.sizes(asked.rows)[:, None], 2, axis=1)
-        differences = (asked.rows >= self._chain.nv) & (slack < _BY_DIFFERENCES)
+        own = asked.rows >= self._chain.nv
+        differences = own & (slack < _BY_DIFFERENCES) & (asked.kind == "acceleration")
         share = np.where(differences, _BY_DIFFERENCES, slack)
         return share[:, None] * np.abs(self._chain.limits.of(asked.kind)[asked.rows])
 
@@ -335,26 +320,48 @@ class Judge:
         v: FloatArray | None,
         a: FloatArray | None,
     ) -> FloatArray:
-        """(N, k) coordinates that only limits know, or their derivatives along the motion, by differences."""
+        """(N, k) coordinates that only limits know, or their derivatives along the motion."""
         chain = self._chain
         if not rows.size:
             return np.zeros((len(q), 0))
         if kind == "position":
-            return _coordinates(chain, rows, q)
+            found = np.empty((len(q), rows.size))
+            for n, at in enumerate(q):
+                found[n] = self.coordinates.values(self._placed(at), at, rows)
+            # Angles by the turn nearest to their range.
+            turns = np.round((_middle(chain.limits, rows) - found) / (2 * np.pi))
+            return found + 2 * np.pi * np.where(chain.limits.is_length[rows], 0.0, turns)
         assert v is not None
         found = np.zeros((len(q), rows.size))
-        for n in range(len(q)):
-            rate = np.abs(v[n] / chain.tangent_scale).max(initial=0.0)
-            bend = 0.0 if a is None else np.abs(a[n] / chain.tangent_scale).max(initial=0.0)
-            h = _STEP / max(rate, np.sqrt(bend * _STEP), 1e-30)
-            if rate == bend == 0.0:
-                continue
-            curve = 0.0 if a is None else a[n] * h / 2
-            moved = [pin.integrate(chain.model, q[n], h * (sign * v[n] + curve)) for sign in (-1.0, 1.0)]
-            before, here, after = _coordinates(chain, rows, np.array([moved[0], q[n], moved[1]]))
-            forth, back = _nearest_turn(after - here, chain, rows), _nearest_turn(here - before, chain, rows)
-            found[n] = (forth + back) / (2 * h) if kind == "velocity" else (forth - back) / h**2
+        for n, at in enumerate(q):
+            if kind == "velocity":
+                found[n] = self._jacobian(at, rows) @ v[n]
+            elif a is not None:
+                found[n] = self._accelerations(at, v[n], a[n], rows)
         return found
+
+    def _accelerations(self, q: Configuration, v: Tangent, a: Tangent, rows: np.ndarray) -> FloatArray:
+        """(k,) rates of the velocities along q(t), by differences."""
+        chain = self._chain
+        rate, bend = (np.abs(along / chain.tangent_scale).max(initial=0.0) for along in (v, a))
+        if rate == bend == 0.0:
+            return np.zeros(rows.size)
+        h = _STEP / max(rate, np.sqrt(bend * _STEP))
+        before, after = (
+            self._jacobian(pin.integrate(chain.model, q, t * v + t * t / 2 * a), rows) @ (v + t * a)
+            for t in (-h, h)
+        )
+        return (after - before) / (2 * h)
+
+    def _jacobian(self, q: Configuration, rows: np.ndarray) -> FloatArray:
+        """(k, nv) derivatives of coordinates that only limits know."""
+        return self.coordinates.jacobian(self._placed(q), q, rows)
+
+    def _placed(self, q: Configuration) -> PlacedJoints:
+        scratch = self._chain.scratches.take()
+        placed = scratch.placed(q)
+        self._chain.scratches.give(scratch)
+        return placed
 
 
 def _below(values: FloatArray, ends: FloatArray) -> FloatArray:
@@ -365,98 +372,6 @@ def _above(values: FloatArray, ends: FloatArray) -> FloatArray:
     return values - ends
 
 
-def _nearest_turn(step: FloatArray, chain: ClosedChain, rows: np.ndarray) -> FloatArray:
-    turns = 2 * np.pi * np.round(step / (2 * np.pi))
-    return np.where(chain.limits.is_length[rows], step, step - turns)
-
-
-def _coordinates(chain: ClosedChain, rows: np.ndarray, q: FloatArray) -> FloatArray:
-    """(N, k) swings and angles of balls, and coordinates of loops, angles by the turn nearest to their range."""
-    wanted = set(rows.tolist())
-    readers = [reader for row, reader in enumerate(chain.judge.readers, start=chain.nv) if row in wanted]
-    scratch = chain.scratches.take()
-    try:
-        found = np.empty((len(q), rows.size))
-        for n, configuration in enumerate(q):
-            scratch.place(configuration)
-            found[n] = [reader(scratch.data.oMi, configuration) for reader in readers]
-    finally:
-        chain.scratches.give(scratch)
-    middle = _middle(chain.limits, rows)
-    turns = np.where(chain.limits.is_length[rows], 0.0, np.round((middle - found) / (2 * np.pi)))
-    return found + 2 * np.pi * turns
-
-
 def _middle(limits: Limits, rows: np.ndarray) -> FloatArray:
     lower, upper = limits.position[rows].T
     return np.where(np.isnan(lower + upper), 0.0, (lower + upper) / 2)
-
-
-class _Reader:
-    """Reads one coordinate off the relative rotation and translation of two frames."""
-
-    def __init__(self, coordinate: str, kind: JointKind, axis: FloatArray, axis2: FloatArray) -> None:
-        self.coordinate, self.kind, self.axis, self.axis2 = coordinate, kind, axis, axis2
-        self.normal, self.x, self.y = orthonormal_triad(axis)
-
-    def read(self, placement: pin.SE3) -> float:
-        rotation, t, a, b = placement.rotation, placement.translation, self.axis, self.axis2
-        match self.coordinate:
-            case "length":
-                return float(a @ t)
-            case "x":
-                return float(self.x @ t)
-            case "y":
-                return float(self.y @ t)
-            case "swing":
-                turned = rotation @ a
-                return float(np.arctan2(np.linalg.norm(np.cross(a, turned)), a @ turned))
-            case "angle 1":
-                return _turn(a, b, rotation @ b)
-            case "angle 2":
-                return _turn(b, rotation.T @ a, a)
-            case _ if self.kind is JointKind.SPHERICAL:
-                return float(np.linalg.norm(pin.log3(rotation)))
-            case _:
-                return _turn(self.normal, self.x, rotation @ self.x)
-
-
-def _turn(axis: FloatArray, before: FloatArray, after: FloatArray) -> float:
-    """Angle about an axis from one direction to another, both seen along the axis."""
-    across = axis @ np.cross(before, after)
-    along = before @ after - (axis @ before) * (axis @ after)
-    return float(np.arctan2(across, along))
-
-
-def _readers(chain: ClosedChain) -> list[_Read]:
-    """One function of placements and configuration per row beyond the tangent entries, in their order."""
-    found: list[_Read] = []
-    joints = {joint.name: joint for joint in chain.mechanism.joints}
-    for number, (name, entry) in enumerate(zip(chain.model.names, chain.model.joints, strict=True)):
-        joint = joints.get(name) if number else None
-        if joint is not None and joint.kind is JointKind.SPHERICAL:
-            for coordinate in BALL:
-                reader = _Reader(coordinate, joint.kind, joint.axis, joint.axis)
-                found.append(_of_ball(reader, entry.idx_q))
-    table = chain.loop_table
-    for k, loop in enumerate(chain.loops):
-        one = pin.SE3(table.rotation1[k], table.translation1[k])
-        two = pin.SE3(table.rotation2[k], table.translation2[k])
-        for coordinate in loop_coordinates(loop.kind):
-            reader = _Reader(coordinate, loop.kind, loop.axis, loop.axis2)
-            found.append(_of_loop(reader, table.joint1[k], table.joint2[k], one, two))
-    return found
-
-
-def _of_ball(reader: _Reader, at: int) -> _Read:
-    def read(_: object, q: Configuration) -> float:
-        return reader.read(pin.SE3(pin.Quaternion(q[at : at + 4]).toRotationMatrix(), np.zeros(3)))
-
-    return read
-
-
-def _of_loop(reader: _Reader, joint1: int, joint2: int, one: pin.SE3, two: pin.SE3) -> _Read:
-    def read(placed: Sequence[pin.SE3], _: Configuration) -> float:
-        return reader.read((placed[joint1] * one).actInv(placed[joint2] * two))
-
-    return read

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.building.loading import build_chain
+from stewart_pin.building.loading import build_chain, open_chain
 from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Loop, Mechanism, loop_coordinates
 from stewart_pin.model.tree import KINDS
 from tests.closed_states import robot
@@ -115,9 +115,74 @@ def test_rates_of_loops_are_those_of_the_joint(rng: np.random.Generator) -> None
     # Body velocity of a hinge is constant but for its rate: its twist per radian, taken by a difference.
     twist = pin.difference(chain.model, pose(0.0), pose(1e-7)) / (2e-7 + 1.5e-14)
     q, v, a = pose(0.0), 2.0 * twist, 3.0 * twist
-    # Differences of 1e-4 rad: rounding and curvature, see `_STEP`; the twist itself is known to 1e-8.
+    # The twist is known to 1e-8 only, as a difference.
     assert read(chain, q, v, a, kind="velocity")[0] == pytest.approx(2.0, rel=1e-7)
     assert read(chain, q, v, a, kind="acceleration")[0] == pytest.approx(3.0, rel=1e-6)
+
+
+def on_balls(rng: np.random.Generator) -> stp.ClosedChain:
+    """Tell of an arm of two balls and a slide, and loops of every kind that has coordinates, all of them open."""
+
+    def place() -> pin.SE3:
+        return pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+
+    def bound(kind: JointKind) -> tuple[Bounds, ...]:
+        return (WIDE,) * len(loop_coordinates(kind))
+
+    joints = tuple(
+        Joint(f"to_{link}", kind, parent, link, place(), pin.exp3(rng.normal(size=3))[0], swing=3.0, turn=3.0)
+        for parent, link, kind in (
+            ("ground", "arm", JointKind.SPHERICAL),
+            ("arm", "slide", JointKind.PRISMATIC),
+            ("slide", "hand", JointKind.SPHERICAL),
+        )
+    )
+    loops = []
+    for kind in (*COORDINATES, JointKind.SPHERICAL):
+        axis, axis2, _ = pin.exp3(rng.normal(size=3)).T
+        ends = (("ground", "hand"), ("arm", "hand"), ("hand", "arm"))[len(loops) % 3]
+        loops.append(Loop(f"by_{kind}", kind, *ends, place(), place(), axis, axis2, bounds=bound(kind)))
+    links = (Link("ground"), *(Link(joint.child, BODY) for joint in joints))
+    mechanism = Mechanism("on_balls", links, joints, tuple(loops))
+    return open_chain(mechanism)
+
+
+def test_rates_of_coordinates_are_their_differences(rng: np.random.Generator) -> None:
+    """Along every tangent direction, the loops open, hinges and balls anywhere."""
+    chain = on_balls(rng)
+    rows = chain.limits.stated("position")
+    # Swing and angle of three balls, ten coordinates of the other loops.
+    assert rows.size == 2 * 3 + 10
+    for _ in range(5):
+        q = pin.integrate(chain.model, pin.neutral(chain.model), rng.uniform(-2, 2, chain.nv))
+        rates = chain.judge.rates(q, np.eye(chain.nv), rows)
+        for k, direction in enumerate(np.eye(chain.nv)):
+            after, before = (read(chain, pin.integrate(chain.model, q, h * direction)) for h in (1e-5, -1e-5))
+            # Rounding 1e-16 over the step, and its square times curvature: a swing of 0.1 rad has third derivatives
+            # of a hundred.
+            np.testing.assert_allclose(rates[:, k], (after - before) / 2e-5, atol=2e-8)
+
+
+def test_rates_of_accelerating_motions_are_their_differences(rng: np.random.Generator) -> None:
+    chain = on_balls(rng)
+    q = pin.integrate(chain.model, pin.neutral(chain.model), rng.uniform(-2, 2, chain.nv))
+    v, a, h = rng.normal(size=chain.nv), rng.normal(size=chain.nv), 1e-4
+    moved = [(pin.integrate(chain.model, q, t * v + t * t / 2 * a), v + t * a) for t in (-h, h)]
+    before, after = (read(chain, *motion, kind="velocity") for motion in moved)
+    np.testing.assert_allclose(
+        read(chain, q, v, a, kind="acceleration"), (after - before) / (2 * h), atol=1e-5
+    )
+
+
+@pytest.mark.parametrize("kind", [JointKind.SPHERICAL, JointKind.REVOLUTE])
+def test_where_a_coordinate_has_a_kink_its_rate_is_none(kind: JointKind, rng: np.random.Generator) -> None:
+    """A ball at its middle swings and turns by none, whichever way it goes; a hinge there moves as ever."""
+    chain = floating(kind, rng)
+    q = at(chain, HERE)
+    rows = np.flatnonzero(np.char.startswith(chain.limits.names, "tie"))
+    rates = chain.judge.rates(q, np.eye(chain.nv), rows)
+    assert np.isfinite(rates).all()
+    assert np.linalg.norm(rates) == pytest.approx(1.0 if kind is JointKind.REVOLUTE else 0.0)
 
 
 def test_angles_are_counted_by_the_turn_that_suits_the_range(rng: np.random.Generator) -> None:
