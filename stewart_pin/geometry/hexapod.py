@@ -258,8 +258,9 @@ def point_mass_forces(
     *,
     mass: float,
     gravity: ArrayLike = STANDARD_GRAVITY,
+    wrench: ArrayLike | None = None,
 ) -> FloatArray:
-    """Compute the leg forces for a point mass on massless legs: f = J⁻ᵀ [m (a - g); 0].
+    """Compute the leg forces for a point mass on massless legs: f = J⁻ᵀ ([m (a - g); 0] - wrench).
 
     Parameters
     ----------
@@ -275,6 +276,8 @@ def point_mass_forces(
         Platform mass [kg].
     gravity
         (3,) acceleration of free fall in base axes [m/s²].
+    wrench
+        (..., 6) [force; moment] from outside on the platform at its origin, in base axes; default: none [N, N m].
 
     Returns
     -------
@@ -285,8 +288,14 @@ def point_mass_forces(
     jacobian = leg_jacobian(hexapod, position, rotation)
     push = mass * (as_batch("acceleration", acceleration, (3,)) - as_array("gravity", gravity, (3,)))
     require_broadcast(position=jacobian.shape[:-2], acceleration=push.shape[:-1])
-    wrench = np.concatenate([push, np.zeros_like(push)], axis=-1)
-    return leg_forces_for_wrench(jacobian, wrench)
+    load = np.concatenate([push, np.zeros_like(push)], axis=-1)
+    if wrench is not None:
+        outside = as_batch("wrench", wrench, (6,))
+        require_broadcast(
+            position=jacobian.shape[:-2], acceleration=push.shape[:-1], wrench=outside.shape[:-1]
+        )
+        load = load - outside
+    return leg_forces_for_wrench(jacobian, load)
 
 
 # ----------------------------------------------------------------------------------------------------

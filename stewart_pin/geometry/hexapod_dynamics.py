@@ -15,7 +15,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from stewart_pin.brief import Brief
-from stewart_pin.checks import as_array, as_batch
+from stewart_pin.checks import as_array, as_batch, require_broadcast
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY, Hexapod, leg_forces_for_wrench, leg_jacobian
 from stewart_pin.geometry.leg_motion import LegAttitude, TipMotion, dot, leg_attitude, tip_motion
@@ -49,6 +49,7 @@ def hexapod_inverse_dynamics(
     acceleration: ArrayLike,
     *,
     gravity: ArrayLike = STANDARD_GRAVITY,
+    wrench: ArrayLike | None = None,
 ) -> HexapodForces:
     """Compute the actuator forces for a motion of the platform, with the inertia of the legs.
 
@@ -68,6 +69,8 @@ def hexapod_inverse_dynamics(
         (..., 6) [dv/dt; dω/dt] of the platform origin, in base axes [m/s², rad/s²].
     gravity
         (3,) acceleration of free fall in base axes [m/s²].
+    wrench
+        (..., 6) [force; moment] from outside on the platform at its origin, in base axes; default: none [N, N m].
 
     Returns
     -------
@@ -92,7 +95,7 @@ def hexapod_inverse_dynamics(
         τ n - l u × f = M,
 
     M being the moment of inertial and gravity forces, with sign reversed. Along u it gives τ = M·u / cos β;
-    across u it gives f⊥ = (τ n - M) × u / l. The platform's balance then is Jᵀ (f·u) = wrench - Σ f⊥, and the
+    across u it gives f⊥ = (τ n - M) × u / l. The platform's balance then is Jᵀ (f·u) = load - Σ f⊥, and the
     actuator also carries the upper part along the leg.
 
     A leg on a spherical joint has a third angle, about itself, and no τ. Its idle spin is free to choose: here it
@@ -112,9 +115,13 @@ def hexapod_inverse_dynamics(
     passed = torque[..., None] * leg.normal - moment
     transverse = np.cross(passed, tip.direction) / tip.length[..., None]
 
-    wrench = _platform_wrench(bodies.platform, rotation, twist, acceleration, free_fall)
+    load = _platform_wrench(bodies.platform, rotation, twist, acceleration, free_fall)
+    if wrench is not None:
+        outside = as_batch("wrench", wrench, (6,))
+        require_broadcast(position=load.shape[:-1], wrench=outside.shape[:-1])
+        load = load - outside
     carried = np.concatenate([transverse, np.cross(tip.arms, transverse)], axis=-1).sum(axis=-2)
-    axial = leg_forces_for_wrench(leg_jacobian(hexapod, position, rotation), wrench - carried)
+    axial = leg_forces_for_wrench(leg_jacobian(hexapod, position, rotation), load - carried)
     return HexapodForces(
         actuator=axial + dot(upper_force, tip.direction),
         platform_joint=axial[..., None] * tip.direction + transverse,

@@ -97,7 +97,12 @@ class LegForm:
         return self.sign * leg_rates(self.hexapod, position, rotation, twist)
 
     def efforts(
-        self, position: FloatArray, rotation: FloatArray, twist: FloatArray, acceleration: FloatArray
+        self,
+        position: FloatArray,
+        rotation: FloatArray,
+        twist: FloatArray,
+        acceleration: FloatArray,
+        wrench: FloatArray | None = None,
     ) -> FloatArray:
         """Compute the motor efforts of a motion: of all bodies, or of the point where none are known.
 
@@ -111,18 +116,20 @@ class LegForm:
             (..., 6) [v; ω] of the platform origin, in world axes [m/s, rad/s].
         acceleration
             (..., 6) its rate of change, in world axes [m/s², rad/s²].
+        wrench
+            (..., 6) from outside on the platform at its origin, world axes; default: none [N, N m].
 
         Returns
         -------
         numpy.ndarray
             (..., 6) motor efforts [N].
         """
-        place = (self.hexapod, position, rotation)
+        legs, loads = self.hexapod, {"gravity": self.gravity, "wrench": wrench}
         if self.bodies is None:
             push = np.asarray(acceleration)[..., :3]
-            return self.sign * point_mass_forces(*place[:3], push, mass=self.mass, gravity=self.gravity)
-        legs, where = self.hexapod, (position, rotation, twist, acceleration)
-        return self.sign * hexapod_inverse_dynamics(legs, self.bodies, *where, gravity=self.gravity).actuator
+            return self.sign * point_mass_forces(legs, position, rotation, push, mass=self.mass, **loads)
+        where = (position, rotation, twist, acceleration)
+        return self.sign * hexapod_inverse_dynamics(legs, self.bodies, *where, **loads).actuator
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@ r"""Forward dynamics: how a chain accelerates under given motor efforts.
 The acceleration that keeps the loops closed is a particular one plus motions N of the loops, and Nᵀ times the equation
 of motion determines how much of each:
 
-.. math:: J_c a + \dot J_c v = 0, \qquad N^\top (M a + h - S^\top \tau) = 0 .
+.. math:: J_c a + \dot J_c v = 0, \qquad N^\top (M a + h - S^\top \tau - \sum J_f^\top w_f) = 0 .
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from scipy.linalg import get_lapack_funcs
 from stewart_pin.checks import as_array
 from stewart_pin.errors import ConvergenceError, InputError, SingularityError, UnsupportedError
 from stewart_pin.mechanics.effort import Motion
-from stewart_pin.mechanics.inverse_dynamics import least_reactions
+from stewart_pin.mechanics.inverse_dynamics import least_reactions, require_idle_inertia
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.loop_rows import Drive
 from stewart_pin.state.loop_verbs import reactions_from_pinocchio, unknown_to_pinocchio
+from stewart_pin.state.outside import Wrenches, as_wrenches, outside_efforts
 from stewart_pin.state.state import State, as_state, named_motion
 from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
@@ -35,6 +36,7 @@ def forward_dynamics(
     v: ArrayLike | None = None,
     tau_motor: ArrayLike | None = None,
     *,
+    wrenches: Wrenches | None = None,
     method: Method | None = None,
 ) -> Motion:
     """Compute the acceleration under given motor efforts.
@@ -49,6 +51,9 @@ def forward_dynamics(
         (nv,) tangent velocity that keeps them closed, with a chain [m/s, rad/s].
     tau_motor
         (nu,) motor efforts in the order of ``chain.motors``; with a state, by name [N or N m].
+    wrenches
+        {link: (6,)} what acts from outside: [force; moment] on the link, at the origin of its frame, world axes; the
+        platform is ``chain.platform`` [N, N m].
     method
         ``"projection"``: the equation of motion projected on the motions that keep the loops closed; for every chain,
         also with redundant loops or massless legs. ``"constraint_dynamics"``: `pinocchio.constraintDynamics`, for
@@ -67,8 +72,8 @@ def forward_dynamics(
     UnsupportedError
         If ``constraint_dynamics`` cannot treat the chain.
     SingularityError
-        If the loops have lost a row here, or a motion that motors or platform take part in has no inertia, so that no
-        acceleration is determined.
+        If the loops have lost a row here, or a motion that motors, platform or wrenches take part in has no inertia,
+        so that no acceleration is determined.
 
     Examples
     --------
@@ -87,6 +92,10 @@ def forward_dynamics(
         raise InputError("tau_motor is missing; pass the motor efforts, in the order of chain.motors")
     tau = np.zeros(chain.nv)
     tau[chain.motor_index] = as_array("tau_motor", tau_motor, (chain.nu,))
+    outside = None if wrenches is None else as_wrenches(chain, wrenches)
+    if outside is not None:
+        require_idle_inertia(state, outside)
+        tau += outside_efforts(state, outside)
     if method == "constraint_dynamics":
         return _constraint_dynamics(state, tau)
     if method not in (None, "projection"):

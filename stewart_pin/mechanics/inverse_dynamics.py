@@ -2,7 +2,7 @@ r"""Inverse dynamics: which motor efforts make a chain move as asked.
 
 Everything follows from one equation of motion on the spanning tree,
 
-.. math:: M a + h = S^\top \tau + J_c^\top \lambda .
+.. math:: M a + h = S^\top \tau + J_c^\top \lambda + \sum J_f^\top w_f .
 
 Where loop rows and motors are as many as the tangent has entries and far from singular, the square system
 :math:`[J_c; S]^\top` gives both unknowns at once. Elsewhere N, a basis of the motions that keep the loops closed
@@ -17,16 +17,17 @@ from typing import Literal, get_args
 import numpy as np
 import proxsuite
 
-from stewart_pin.errors import ConvergenceError, InputError
+from stewart_pin.errors import ConvergenceError, InputError, SingularityError
 from stewart_pin.mechanics.constraint_matrix.solution import constraint_matrix_inverse_dynamics
 from stewart_pin.mechanics.effort import Effort
 from stewart_pin.model.tree import Limits
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
 from stewart_pin.state.loop_rows import Drive
-from stewart_pin.state.state import State, as_state
-from stewart_pin.tolerances import NO_INERTIA
-from stewart_pin.typing import ArrayLike, FloatArray, Tangent
+from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, needed_efforts, outside_efforts
+from stewart_pin.state.state import State, as_state, named_motion
+from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
+from stewart_pin.typing import ArrayLike, BoolArray, FloatArray, Tangent
 
 Method = Literal["pinocchio", "constraint_matrix"]
 
@@ -37,6 +38,7 @@ def inverse_dynamics(
     v: ArrayLike | None = None,
     a: ArrayLike | None = None,
     *,
+    wrenches: Wrenches | None = None,
     method: Method = "pinocchio",
     effort_limit: ArrayLike | Limits | None = None,
     throw: bool = True,
@@ -53,6 +55,9 @@ def inverse_dynamics(
         (nv,) tangent velocity that keeps them closed, with a chain [m/s, rad/s].
     a
         (nv,) tangent acceleration that keeps them closed, with a chain [m/s², rad/s²].
+    wrenches
+        {link: (6,)} what acts from outside: [force; moment] on the link, at the origin of its frame, world axes; the
+        platform is ``chain.platform`` [N, N m].
     method
         ``"pinocchio"``: RNEA and the loop Jacobian. ``"constraint_matrix"``: all bodies in maximal coordinates, an
         independent check.
@@ -69,15 +74,15 @@ def inverse_dynamics(
     Effort
         Motor efforts, loop reactions, and whether they are unique. Efforts and reactions that are not unique are the
         least-norm ones in natural units, forces times ``chain.length_scale`` beside moments: N m, so that the split
-        does not depend on the unit of length. Idle freedoms, which no motor can drive, follow their own inertia
-        whatever `a` asks of them.
+        does not depend on the unit of length. Idle freedoms, which no motor can drive, follow their own inertia,
+        and the wrenches, whatever `a` asks of them.
 
     Raises
     ------
     ActuationError
         If the motors cannot hold the robot; carries the freedom left over and the smallest singular value.
     SingularityError
-        If the loops have lost a row here.
+        If the loops have lost a row here, or wrenches push an idle freedom that has no inertia.
     InputError
         If an argument is wrong, or the state does not keep the loops closed.
 
@@ -88,26 +93,32 @@ def inverse_dynamics(
     >>> rest = np.zeros(chain.nv)
     >>> stp.inverse_dynamics(chain, chain.q_home, rest, rest).tau_motor.round(2)
     array([49.99, 49.99, 49.99, 49.99, 49.99, 49.99])
+    >>> heavier = {"platform": [0, 0, -100, 0, 0, 0]}  # pressed upon with 100 N
+    >>> stp.inverse_dynamics(chain, chain.q_home, rest, rest, wrenches=heavier).tau_motor.round(2)
+    array([67.39, 67.39, 67.39, 67.39, 67.39, 67.39])
     """
     state = as_state(chain, q, v, a)
     a = state.require_accelerating()
+    outside = None if wrenches is None else as_wrenches(state.chain, wrenches)
     if method not in get_args(Method):
         raise InputError(f"method must be one of {', '.join(get_args(Method))}, got {method!r}")
     if method == "pinocchio" and effort_limit is None and state.drive is not None:
-        return _by_drive(state, state.drive, a)
+        return _by_drive(state, state.drive, a, outside)
     # What is singular is a property of the state, so that all methods refuse the same ones.
     if throw:
         require_held(state)
+    if outside is not None:
+        require_idle_inertia(state, outside)
     if method == "constraint_matrix":
         if effort_limit is not None:
             raise InputError(
                 "effort_limit is for method 'pinocchio'; 'constraint_matrix' gives the least-norm efforts"
             )
-        return constraint_matrix_inverse_dynamics(state, a, throw=throw)
-    return _by_motions(state, a, effort_limit)
+        return constraint_matrix_inverse_dynamics(state, a, outside, throw=throw)
+    return _by_motions(state, a, effort_limit, outside)
 
 
-def motor_efforts(state: State, a: Tangent) -> FloatArray:
+def motor_efforts(state: State, a: Tangent, outside: OutsideWrenches | None = None) -> FloatArray:
     """Compute the motor efforts of a motion without checks: for controllers, whose states are those of an integrator.
 
     Parameters
@@ -116,6 +127,8 @@ def motor_efforts(state: State, a: Tangent) -> FloatArray:
         State whose loops are closed or nearly so.
     a
         (nv,) tangent acceleration [m/s², rad/s²].
+    outside
+        Wrenches from outside, or None.
 
     Returns
     -------
@@ -123,13 +136,15 @@ def motor_efforts(state: State, a: Tangent) -> FloatArray:
         (nu,) motor efforts, of least norm in natural units where they are not unique [N or N m].
     """
     drive = state.drive
-    return (_by_motions(state, a, None) if drive is None else _by_drive(state, drive, a)).tau_motor
+    if drive is None:
+        return _by_motions(state, a, None, outside).tau_motor
+    return _by_drive(state, drive, a, outside).tau_motor
 
 
-def _by_drive(state: State, drive: Drive, a: Tangent) -> Effort:
-    """Solve [J_c; S]ᵀ [λ; τ] = M a + nle, regular and square."""
+def _by_drive(state: State, drive: Drive, a: Tangent, outside: OutsideWrenches | None) -> Effort:
+    """Solve [J_c; S]ᵀ [λ; τ] = M a + nle - Σ J_fᵀ w_f, regular and square."""
     chain, scale = state.chain, state.chain.tangent_scale
-    needed = state.tree_efforts(a) * scale
+    needed = needed_efforts(state, a, outside) * scale
     reactions, motors = drive.carry(needed)
     left = needed - reactions @ state.rows
     left[chain.motor_index] -= motors
@@ -143,10 +158,12 @@ def _by_drive(state: State, drive: Drive, a: Tangent) -> Effort:
     )
 
 
-def _by_motions(state: State, a: Tangent, effort_limit: ArrayLike | Limits | None) -> Effort:
+def _by_motions(
+    state: State, a: Tangent, effort_limit: ArrayLike | Limits | None, outside: OutsideWrenches | None
+) -> Effort:
     """Split the equation of motion by the motions that keep the loops closed."""
     chain, freedom, usual = state.chain, state.freedom, state.chain.generic
-    needed, a = _let_idle_go(state, a, freedom.idle)
+    needed, a = _let_idle_go(state, a, freedom.idle, outside)
     load = freedom.motions.T @ needed
     if effort_limit is None:
         tau_motor = least_efforts(state, load)
@@ -245,17 +262,58 @@ def least_reactions(state: State, efforts: FloatArray) -> FloatArray:
     return motions.reactions(efforts * chain.tangent_scale) / chain.row_sizes
 
 
-def _let_idle_go(state: State, a: Tangent, idle: FloatArray) -> tuple[FloatArray, Tangent]:
+def _let_idle_go(
+    state: State, a: Tangent, idle: FloatArray, outside: OutsideWrenches | None
+) -> tuple[FloatArray, Tangent]:
     """Tree efforts for the demanded acceleration, idle freedoms replaced by what their own inertia makes them do."""
-    needed = state.tree_efforts(a)
+    needed = needed_efforts(state, a, outside)
     if not idle.shape[1]:
         return needed, a
-    inertia = state.M
-    moments, axes = np.linalg.eigh(idle.T @ inertia @ idle)
-    heavy = moments > NO_INERTIA * np.abs(state.inertia).max()
+    moments, axes, heavy = _idle_inertia(state)
     axes = idle @ axes[:, heavy]
     change = -axes @ ((axes.T @ needed) / moments[heavy])
-    return needed + inertia @ change, a + change
+    return needed + state.M @ change, a + change
+
+
+def _idle_inertia(state: State) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Moments of inertia of the idle freedoms, their principal axes, and which of them have any."""
+    idle = state.freedom.idle
+    moments, axes = np.linalg.eigh(idle.T @ state.M @ idle)
+    return moments, axes, moments > NO_INERTIA * np.abs(state.inertia).max()
+
+
+def require_idle_inertia(state: State, outside: OutsideWrenches) -> None:
+    """Refuse wrenches that push an idle freedom without inertia: nothing says how it would move.
+
+    Parameters
+    ----------
+    state
+        The state.
+    outside
+        Wrenches from outside.
+
+    Raises
+    ------
+    SingularityError
+        Naming the motion.
+    """
+    if not state.chain.generic.count.idle:
+        return
+    idle, scale = state.freedom.idle, state.chain.tangent_scale
+    moments, axes, heavy = _idle_inertia(state)
+    light = idle @ axes[:, ~heavy]
+    efforts = outside_efforts(state, outside)
+    pushed = efforts @ light
+    if np.abs(pushed).max(initial=0.0) > CONSISTENT * float(np.abs(efforts * scale).max(initial=0.0)):
+        direction = light @ pushed
+        direction = direction / np.abs(direction / scale).max()
+        raise SingularityError(
+            f"nothing with inertia takes part in the motion {named_motion(state.chain, direction)}, and wrenches push "
+            "it, so its acceleration is undetermined; give the bodies mass, or let the wrenches not push it",
+            smallest_singular_value=float(moments[0]),
+            direction=direction,
+            names=state.chain.tangent_names,
+        )
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from stewart_pin.mechanics.effort import Effort
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import Wrenches, as_wrenches, with_outside
 from stewart_pin.state.relative_motion import LoopEnds
 from stewart_pin.state.row_derivatives import loop_wrench, reaction_forces
 from stewart_pin.state.state import State, as_state
@@ -61,6 +62,8 @@ def joint_reactions(
     q: ArrayLike | None = None,
     v: ArrayLike | None = None,
     effort: Effort | None = None,
+    *,
+    wrenches: Wrenches | None = None,
 ) -> tuple[Reaction, ...]:
     """Compute the wrench that each moving joint of the tree and each loop transmits, drives included.
 
@@ -74,6 +77,9 @@ def joint_reactions(
         (nv,) tangent velocity, with a chain [m/s, rad/s].
     effort
         What `inverse_dynamics` answered for this state; default: what it answers, of a state with acceleration.
+    wrenches
+        {link: (6,)} what acts from outside, as in `inverse_dynamics`; the same that `effort` was computed under
+        [N, N m].
 
     Returns
     -------
@@ -84,7 +90,7 @@ def joint_reactions(
     Raises
     ------
     InputError
-        If the effort does not belong to this state: it leaves joints without balance.
+        If the effort does not belong to this state and these wrenches: it leaves joints without balance.
 
     Examples
     --------
@@ -97,14 +103,16 @@ def joint_reactions(
     24
     """
     state = as_state(chain, q, v)
-    effort = inverse_dynamics(state) if effort is None else effort
+    outside = None if wrenches is None else as_wrenches(state.chain, wrenches)
+    effort = inverse_dynamics(state, wrenches=wrenches) if effort is None else effort
     if not isinstance(effort, Effort):
         raise InputError(f"effort must be what inverse_dynamics answers, got {type(effort).__name__}")
     chain, model, data = state.chain, state.chain.mass_model, pin.Data(state.chain.model)
     q, v, unit = state.q, state.v, state.chain.mass_unit
     pin.computeJointJacobians(model, data, q)  # and placements in the world, which rnea leaves alone
     loops = reaction_forces(chain, q, effort.lambda_c / unit)
-    balance = unit * (np.array(pin.rnea(model, data, q, v, effort.a, loops.forces)) - loops.efforts)
+    forces = loops.forces if outside is None else with_outside(state, outside, loops.forces, unit)
+    balance = unit * (np.array(pin.rnea(model, data, q, v, effort.a, forces)) - loops.efforts)
     carried = float(np.abs(balance).max(initial=0.0))
     balance[chain.motor_index] -= effort.tau_motor
     size = max(carried, float(np.abs(effort.lambda_c).max(initial=0.0)) * chain.length_scale, _NO_LOAD * unit)
@@ -112,7 +120,8 @@ def joint_reactions(
         worst = int(np.argmax(np.abs(balance)))
         raise InputError(
             f"effort does not belong to this state: {balance[worst]:.3g} N or N m are left over at "
-            f"'{chain.tangent_names[worst]}'; pass what inverse_dynamics answered for the same q and v"
+            f"'{chain.tangent_names[worst]}'; pass what inverse_dynamics answered for the same q and v, and the "
+            "wrenches that it was given"
         )
     joints_unique, loops_unique = _uniqueness(state)
     reactions = []

@@ -12,7 +12,7 @@ This is the one place of the formulations on the tree that knows it; `mechanics.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
@@ -23,7 +23,7 @@ from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError
 from stewart_pin.model.tree import link_frame
 from stewart_pin.state.state import State
-from stewart_pin.typing import ArrayLike, FloatArray
+from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 if TYPE_CHECKING:
     from stewart_pin.state.chain import ClosedChain
@@ -218,6 +218,27 @@ def _outside(places: tuple[Place, ...], values: FloatArray) -> OutsideWrenches:
 # ----------------------------------------------------------------------------------------------------
 
 
+def needed_efforts(state: State, a: Tangent, outside: OutsideWrenches | None) -> FloatArray:
+    """Compute what motors and loops have to give for an acceleration, M a + nle - Σ J_fᵀ w_f.
+
+    Parameters
+    ----------
+    state
+        The state.
+    a
+        (nv,) tangent acceleration [m/s², rad/s²].
+    outside
+        Wrenches, or None.
+
+    Returns
+    -------
+    numpy.ndarray
+        (nv,) [N, N m].
+    """
+    efforts = state.tree_efforts(a)
+    return efforts if outside is None else efforts - outside_efforts(state, outside)
+
+
 def outside_efforts(state: State, outside: OutsideWrenches) -> FloatArray:
     """Compute the joint efforts that do the same work, Σ J_fᵀ w_f.
 
@@ -290,8 +311,10 @@ def outside_effort_derivative(state: State, outside: OutsideWrenches) -> FloatAr
     return derivative
 
 
-def joint_forces(state: State, outside: OutsideWrenches, unit: float = 1.0) -> list[pin.Force]:
-    """Express the wrenches in the joints that carry them, as Pinocchio's algorithms take forces from outside.
+def with_outside(
+    state: State, outside: OutsideWrenches, forces: Sequence[pin.Force], unit: float = 1.0
+) -> pin.StdVec_Force:
+    """Add the wrenches to forces on the joints that carry them, as Pinocchio's algorithms take forces from outside.
 
     Parameters
     ----------
@@ -299,20 +322,23 @@ def joint_forces(state: State, outside: OutsideWrenches, unit: float = 1.0) -> l
         The state.
     outside
         Wrenches.
+    forces
+        One per joint of the model, in its own axes, at its origin [`unit`, and per m].
     unit
-        Unit in which forces are counted [N].
+        In which these count forces [N].
 
     Returns
     -------
-    list of pinocchio.Force
-        One per joint of the model, in its own axes, at its origin [N, N m].
+    pinocchio.StdVec_Force
+        One per joint.
     """
-    forces = [pin.Force.Zero() for _ in range(state.chain.model.njoints)]
+    total = pin.StdVec_Force()
+    total.extend(forces)
     for joint, point, value in zip(outside.joints, outside.points, outside.values / unit, strict=True):
         turned = state._placed.rotation[joint].T
         force, moment = turned @ value[:3], turned @ value[3:]
-        forces[joint] += pin.Force(force, moment + np.cross(point, force))
-    return forces
+        total[int(joint)] += pin.Force(force, moment + np.cross(point, force))
+    return total
 
 
 def _points(state: State, outside: OutsideWrenches) -> FloatArray:

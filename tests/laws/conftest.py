@@ -57,7 +57,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     told = [(item, getattr(getattr(item, "callspec", None), "params", {})) for item in items]
     for item, p in told:
         long = item.path.stem == "test_kernels" and p.get("chain") in LONG_PROGRAMS
-        if item.path.parent == Path(__file__).parent and (long or p.get("case") == "symmetric"):
+        again = item.path.stem == "test_wrenches" and p.get("case") == "home"
+        if item.path.parent == Path(__file__).parent and (long or again or p.get("case") == "symmetric"):
             item.add_marker(pytest.mark.slow)
     zoo = {row.name for row in ZOO}
     left = [item for item, p in told if p.get("chain") in zoo and p.get("case") in ("home", "symmetric")]

@@ -10,11 +10,11 @@ import stewart_pin as stp
 from stewart_pin.errors import InputError
 from stewart_pin.state.outside import (
     as_wrenches,
-    joint_forces,
     outside_effort_derivative,
     outside_efforts,
     outside_places,
     outside_power,
+    with_outside,
     wrench_samples,
 )
 from tests.closed_states import along, close, derivative, random_configuration, random_motion, robot
@@ -60,8 +60,7 @@ def test_pinocchio_takes_the_same_forces(name: str, rng: np.random.Generator) ->
     state = moving(name, rng)
     chain, outside = state.chain, as_wrenches(state.chain, random_wrenches(state.chain, rng))
     given = chain.model, pin.Data(chain.model), state.q, state.v, state.a
-    forces = pin.StdVec_Force()
-    forces.extend(joint_forces(state, outside))
+    forces = with_outside(state, outside, [pin.Force.Zero()] * chain.model.njoints)
     close(pin.rnea(*given) - pin.rnea(*given, forces), outside_efforts(state, outside), 1e-11)
 
 

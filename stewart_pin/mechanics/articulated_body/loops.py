@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -22,6 +22,7 @@ from stewart_pin.mechanics.effort import Motion
 from stewart_pin.model.description import Loop
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import Wrenches, as_wrenches
 from stewart_pin.state.state import State, as_chain, as_configuration, as_state
 from stewart_pin.tolerances import NOTHING
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
@@ -224,6 +225,7 @@ def closed_chain_articulated_body(
     v: ArrayLike | None = None,
     tau_motor: ArrayLike | None = None,
     *,
+    wrenches: Wrenches | None = None,
     base_motion: BaseMotion | None = None,
 ) -> Motion:
     """Compute the acceleration under given motor efforts, loops closed, by the articulated-body algorithm.
@@ -241,6 +243,9 @@ def closed_chain_articulated_body(
         (nv,) tangent velocity that keeps them closed, with a chain [m/s, rad/s].
     tau_motor
         (nu,) motor efforts in the order of ``chain.motors`` [N or N m].
+    wrenches
+        {link: (6,)} what acts from outside: [force; moment] on the link, at the origin of its frame, world axes; with a
+        `base_motion` those of the inertial frame [N, N m].
     base_motion
         How the ground link moves; default: at rest. For a base that is free to move see `on_floating_base`.
 
@@ -278,7 +283,7 @@ def closed_chain_articulated_body(
     tau_motor = as_array("tau_motor", tau_motor, (chain.nu,))
     base_velocity, base_acceleration = (base_motion or BaseMotion()).spatial(chain.gravity)
     bodies = tree_bodies(chain)
-    motion = first_pass(bodies, q, v, base_velocity)
+    motion = _under(chain, wrenches, first_pass(bodies, q, v, base_velocity), base_motion)
     loops = [loop_wrenches(loop, bodies, motion) for loop in chain.loops]
     gears = coupling_rows(chain, bodies, q, v)
 
@@ -349,13 +354,36 @@ def _loop_forces(
     return -(vt[:rank].T @ ((u[:, :rank].T @ (open_loops / sizes)) / s[:rank])) / sizes
 
 
+def _under(
+    chain: ClosedChain, wrenches: Wrenches | None, motion: BodyMotion, base_motion: BaseMotion | None
+) -> BodyMotion:
+    """Take what acts on the bodies from outside off their bias forces."""
+    outside = as_wrenches(chain, wrenches)
+    if outside is None:
+        return motion
+    borne, bias = outside.by_link(), motion.bias.copy()
+    turn = (base_motion or BaseMotion()).rotation
+    for number, body in enumerate(tree_bodies(chain)):
+        if body.link in borne:
+            # [moment; force] at the body's own origin: the rotation E of ⁱX₀ takes it into its axes.
+            force, moment = borne[body.link].reshape(2, 3) @ turn @ motion.to_base[number][:3, :3].T
+            bias[number] -= np.concatenate([moment, force])
+    return replace(motion, bias=bias)
+
+
 # ----------------------------------------------------------------------------------------------------
 # Forward dynamics of trees: serial arms, spanning trees, fixed, prescribed or free-floating base
 # ----------------------------------------------------------------------------------------------------
 
 
 def articulated_body_acceleration(
-    chain: ClosedChain, q: ArrayLike, v: ArrayLike, tau: ArrayLike, *, base_motion: BaseMotion | None = None
+    chain: ClosedChain,
+    q: ArrayLike,
+    v: ArrayLike,
+    tau: ArrayLike,
+    *,
+    wrenches: Wrenches | None = None,
+    base_motion: BaseMotion | None = None,
 ) -> Tangent:
     """Compute the acceleration of the spanning tree by the articulated-body algorithm.
 
@@ -371,6 +399,9 @@ def articulated_body_acceleration(
         (nv,) tangent velocity [m/s, rad/s].
     tau
         (nv,) efforts of all tree joints, not of the motors only [N, N m].
+    wrenches
+        {link: (6,)} what acts from outside: [force; moment] on the link, at the origin of its frame, world axes; with a
+        `base_motion` those of the inertial frame [N, N m].
     base_motion
         How the ground link moves; default: at rest. For a base that is free to move see `on_floating_base`.
 
@@ -408,7 +439,7 @@ def articulated_body_acceleration(
     tau = as_array("tau", tau, (chain.nv,))
     base_velocity, base_acceleration = (base_motion or BaseMotion()).spatial(chain.gravity)
     bodies = tree_bodies(chain)
-    motion = first_pass(bodies, q, v, base_velocity)
+    motion = _under(chain, wrenches, first_pass(bodies, q, v, base_velocity), base_motion)
     response = respond(
         bodies,
         np.array(chain.model.armature),

@@ -21,9 +21,11 @@ from stewart_pin.mechanics.constraint_matrix.system import (
     ConstraintMatrixSystem,
     assemble,
     coupling_opening,
+    loaded_links,
 )
 from stewart_pin.mechanics.effort import Effort
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import OutsideWrenches, as_wrenches
 from stewart_pin.state.state import State
 from stewart_pin.tolerances import CONSISTENT, NOTHING, TAKES_PART
 from stewart_pin.typing import Configuration, FloatArray, Tangent
@@ -43,7 +45,9 @@ class _Solution:
     scale: FloatArray
 
 
-def constraint_matrix_inverse_dynamics(state: State, a: Tangent, *, throw: bool = True) -> Effort:
+def constraint_matrix_inverse_dynamics(
+    state: State, a: Tangent, outside: OutsideWrenches | None = None, *, throw: bool = True
+) -> Effort:
     """Compute motor efforts and loop reactions from the maximal-coordinate system.
 
     Parameters
@@ -52,6 +56,8 @@ def constraint_matrix_inverse_dynamics(state: State, a: Tangent, *, throw: bool 
         State that keeps the loops closed.
     a
         (nv,) tangent acceleration that keeps them closed [m/s², rad/s²].
+    outside
+        Wrenches from outside, or None.
     throw
         Whether motors that cannot hold the robot are an error; otherwise the least-squares efforts are returned with
         their residual.
@@ -71,12 +77,12 @@ def constraint_matrix_inverse_dynamics(state: State, a: Tangent, *, throw: bool 
     """
     chain, q, v = state.chain, state.q, state.v
     # About a point within the robot: where it stands in the world shall cost no digits.
-    assembled = assemble(chain, q, v, a, _middle(state))
+    assembled = assemble(chain, q, v, a, _middle(state), outside)
     system = assembled.system
     _require_consistent(chain, assembled, a)
     _require_coupled(chain, q, v, a)
     n_bodies = system.f_p.size
-    deficiency = _deficiency(chain)
+    deficiency = _deficiency(chain, loaded_links(chain, outside))
     solution = _solve(system, chain.length_scale, deficiency if throw else None)
     motors = slice(solution.unknowns.size - chain.nu, solution.unknowns.size)
     first_loop = 1 + sum(freedom.axes.shape[1] < 6 for freedom in assembled.freedoms)
@@ -112,16 +118,18 @@ def _middle(state: State) -> FloatArray:
 
 
 @lru_cache(maxsize=16)
-def _deficiency(chain: ClosedChain) -> int:
+def _deficiency(chain: ClosedChain, loaded: tuple[str, ...] = ()) -> int:
     """Count the unknowns that the equations of a mechanism leave undetermined wherever it stands.
 
     Found by the gap between singular values at closed configurations, as the ranks of the loops are, but from this
-    system's own matrix. Chains do not change, so the answers for the last few are kept.
+    system's own matrix; links that are bodies because they are loaded take part. Chains do not change, so the answers
+    for the last few are kept.
     """
     found: list[int] = []
+    outside = as_wrenches(chain, dict.fromkeys(loaded, np.zeros(6)))
     for q in chain.generic.samples[:_SAMPLES]:
         state = chain.at(q)
-        system = assemble(chain, q, state.v, chain.rest, _middle(state)).system
+        system = assemble(chain, q, state.v, chain.rest, _middle(state), outside).system
         scale, across = _natural_units(system, chain.length_scale)
         values = np.linalg.svd(system.matrix.toarray() * across[:, None] * scale, compute_uv=False)
         values = np.maximum(values / values[0], 0.01 * NOTHING)

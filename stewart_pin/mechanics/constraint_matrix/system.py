@@ -31,12 +31,14 @@ from stewart_pin.mechanics.constraint_matrix.kinematics import (
     JointMotion,
     LinkMotion,
     cross_force,
+    force_at,
     spatial_inertia,
     tree_motion,
 )
 from stewart_pin.mechanics.constraint_matrix.topology import Topology, topology
 from stewart_pin.model.description import Coupling
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches
 from stewart_pin.state.state import State, as_state
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
@@ -216,6 +218,8 @@ def constraint_matrix_system(
     q: ArrayLike | None = None,
     v: ArrayLike | None = None,
     a: ArrayLike | None = None,
+    *,
+    wrenches: Wrenches | None = None,
 ) -> ConstraintMatrixSystem:
     """Assemble the equations of motion in maximal coordinates.
 
@@ -229,6 +233,9 @@ def constraint_matrix_system(
         (nv,) tangent velocity, with a chain [m/s, rad/s].
     a
         (nv,) tangent acceleration, of which the motors' entries are demanded; with a chain [m/s², rad/s²].
+    wrenches
+        {link: (6,)} what acts from outside: [force; moment] on the link, at the origin of its frame, world axes; a link
+        without inertia that bears one and moves on its own is a body too [N, N m].
 
     Returns
     -------
@@ -236,11 +243,17 @@ def constraint_matrix_system(
         I, C, f_p, c_a with the names of bodies and joints.
     """
     state = as_state(chain, q, v, a)
-    return assemble(state.chain, state.q, state.v, state.require_accelerating()).system
+    outside = as_wrenches(state.chain, wrenches)
+    return assemble(state.chain, state.q, state.v, state.require_accelerating(), outside=outside).system
 
 
 def assemble(
-    chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent, about: FloatArray | None = None
+    chain: ClosedChain,
+    q: Configuration,
+    v: Tangent,
+    a: Tangent,
+    about: FloatArray | None = None,
+    outside: OutsideWrenches | None = None,
 ) -> AssembledSystem:
     """Assemble the equations and keep the kinematics.
 
@@ -256,6 +269,8 @@ def assemble(
         (nv,) tangent acceleration [m/s², rad/s²].
     about
         (3,) point that is taken for the world origin; default: the origin itself [m].
+    outside
+        Wrenches from outside, or None.
 
     Returns
     -------
@@ -264,7 +279,8 @@ def assemble(
     """
     rotors = _rotors(chain)
     driven = tuple(dict.fromkeys([*chain.motors, *(name for name, _, _ in rotors)]))
-    layout = topology(chain.mechanism, driven, chain.platform)
+    borne = {} if outside is None else outside.by_link()
+    layout = topology(chain.mechanism, driven, chain.platform, loaded_links(chain, outside))
     links, joints = tree_motion(chain, q, v, np.zeros(3) if about is None else about)
     number = {link.name: k for k, link in enumerate(layout.bodies)}
     gravity = np.concatenate([chain.gravity, np.zeros(3)])
@@ -275,6 +291,10 @@ def assemble(
         inertia = spatial_inertia(body.inertia or pin.Inertia.Zero(), motion.rotation, motion.origin)
         inertias.append(scipy.sparse.coo_array(inertia))  # block_diag of dense arrays warns (SciPy >= 1.18)
         forces.append(-inertia @ gravity + cross_force(motion.twist, inertia @ motion.twist))
+    for link, wrench in borne.items():
+        bearing = number[layout.carrier(link)]
+        moved = force_at(links[link].origin, wrench[:3, None], wrench[3:, None])
+        forces[bearing] = forces[bearing] - moved[:, 0]
 
     def driving(blocks: _Blocks, name: str, kind: str, joint: str, entry: int, demand: float) -> None:
         at = layout.compound(joint)
@@ -322,6 +342,27 @@ def assemble(
         columns=tuple(blocks.slices),
     )
     return AssembledSystem(system, layout, links, joints, freedoms)
+
+
+def loaded_links(chain: ClosedChain, outside: OutsideWrenches | None) -> tuple[str, ...]:
+    """List the links without inertia that bear a wrench.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    outside
+        Wrenches from outside, or None.
+
+    Returns
+    -------
+    tuple of str
+        Their names, in the order of the description.
+    """
+    if outside is None:
+        return ()
+    borne = {place.link for place in outside.places}
+    return tuple(link.name for link in chain.mechanism.links if link.inertia is None and link.name in borne)
 
 
 def _rotors(chain: ClosedChain) -> list[tuple[str, int, float]]:

@@ -3,13 +3,14 @@
 A link without ``<inertial>`` is no body: the joints on either side of it form one compound joint, so that RX and RY
 around a cross make one universal joint. The ground is a body, held by a joint with six columns. Where a massless link
 has to have a motion of its own (it branches, a loop ends on it, it is what a motor moves or the platform), it is a body
-without inertia.
+without inertia; so it is where a wrench from outside acts on it.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism
@@ -77,12 +78,30 @@ class Topology:
         Loop closures.
     couplings
         Joints that move together.
+    fixed
+        For each loaded link that is no body, the body that it is fixed to.
     """
 
     bodies: tuple[Link, ...]
     tree: tuple[CompoundJoint, ...]
     loops: tuple[LoopJoint, ...]
     couplings: tuple[Coupling, ...] = ()
+    fixed: Mapping[str, str] = field(default_factory=dict)
+
+    def carrier(self, link: str) -> str:
+        """Find the body that a link belongs to.
+
+        Parameters
+        ----------
+        link
+            Name of the link.
+
+        Returns
+        -------
+        str
+            Itself, or the body that it is fixed to.
+        """
+        return self.fixed.get(link, link)
 
     def compound(self, joint: str) -> int:
         """Find the compound joint that a tree joint is part of.
@@ -101,7 +120,9 @@ class Topology:
 
 
 @lru_cache(maxsize=64)
-def topology(mechanism: Mechanism, motors: tuple[str, ...], platform: str) -> Topology:
+def topology(
+    mechanism: Mechanism, motors: tuple[str, ...], platform: str | None, loaded: tuple[str, ...] = ()
+) -> Topology:
     """Sort a mechanism into bodies and joints.
 
     Parameters
@@ -112,18 +133,22 @@ def topology(mechanism: Mechanism, motors: tuple[str, ...], platform: str) -> To
         Names of the motor joints, and of those with a rotor.
     platform
         Name of the platform link.
+    loaded
+        Links without inertia that bear a wrench from outside.
 
     Returns
     -------
     Topology
         Bodies and joints.
     """
-    return _Sorter(mechanism, motors, platform).run()
+    return _Sorter(mechanism, motors, platform, loaded).run()
 
 
 class _Sorter:
-    def __init__(self, mechanism: Mechanism, motors: tuple[str, ...], platform: str) -> None:
-        self.mechanism = mechanism
+    def __init__(
+        self, mechanism: Mechanism, motors: tuple[str, ...], platform: str | None, loaded: tuple[str, ...]
+    ) -> None:
+        self.mechanism, self.loaded = mechanism, loaded
         # A coupling acts on a joint's own freedom as a motor does.
         coupled = {name for coupling in mechanism.couplings for name in coupling.joints}
         self.motors = {*motors, *coupled}
@@ -156,6 +181,7 @@ class _Sorter:
                 for loop in self.mechanism.loops
             ),
             couplings=self.mechanism.couplings,
+            fixed={name: self._carrier(name) for name in self.loaded},
         )
 
     def _promote_branching_links(self) -> None:
@@ -173,7 +199,7 @@ class _Sorter:
         return name in self.parent and self.parent[name].kind is JointKind.FIXED
 
     def _hanging(self, name: str) -> tuple[list[Joint], int]:
-        """Joints that lead on from a massless link and what is fixed to it, and how many ends (loops, platform)."""
+        """Joints that lead on from a massless link and what is fixed to it, and how many ends, `_ends`."""
         onward, ends = [], self._ends(name)
         for joint in self.children[name]:
             if joint.kind is JointKind.FIXED and joint.child not in self.bodies:
@@ -185,7 +211,7 @@ class _Sorter:
         return onward, ends
 
     def _ends(self, name: str) -> int:
-        return self.closing[name] + (name == self.platform)
+        return self.closing[name] + (name == self.platform) + (name in self.loaded)
 
     def _leads_on(self, joint: Joint) -> bool:
         """Whether a body, a loop, a motor or the platform is on the far side: anything else is an ornament."""

@@ -68,6 +68,29 @@ def told_motion(t: Telling, c: Case, scale: float, times: np.ndarray = TIMES) ->
     )
 
 
+def told_wrenches(t: Telling, c: Case, q: np.ndarray) -> dict[str, np.ndarray]:
+    """Tell a wrench on every link with mass: its frame may stand elsewhere in the link, its axes are the world's."""
+    rng, unit = np.random.default_rng(5), c.effort * np.repeat([1.0, c.chain.length_scale], 3)
+    plain, told = _origins(c.chain, q), _origins(t.chain, t.state(q)[0])
+    found = {}
+    for link in c.chain.mechanism.links:
+        if link.inertia is None and link.name != c.chain.platform:
+            continue
+        wrench = t.turned(unit * rng.normal(size=6))
+        arm = t.world * plain[link.name] - told[link.name]
+        found[link.name] = np.concatenate([wrench[:3], wrench[3:] + np.cross(arm, wrench[:3])])
+    return found
+
+
+def _origins(chain: stp.ClosedChain, q: np.ndarray) -> dict[str, np.ndarray]:
+    model, data = chain.model, pin.Data(chain.model)
+    pin.framesForwardKinematics(model, data, q)
+    return {
+        link.name: np.array(data.oMf[model.getFrameId(link.name, pin.FrameType.BODY)].translation)
+        for link in chain.mechanism.links
+    }
+
+
 def keeps_closed(c: Case, q: np.ndarray) -> np.ndarray:
     """Draw a velocity that keeps the loops closed."""
     return stp.dynamics.motion_map(c.chain, q).G @ c.v[c.chain.motor_index]

@@ -8,7 +8,7 @@ import stewart_pin as stp
 from stewart_pin.model.description import Joint
 from tests.retelling.case import Case
 from tests.retelling.telling import Telling
-from tests.retelling.verbs.asking import Answers, Sized, asks, moves
+from tests.retelling.verbs.asking import Answers, Sized, asks, moves, told_wrenches
 
 
 @asks("inverse_dynamics", "Effort")
@@ -48,6 +48,23 @@ def articulated_bodies(t: Telling, c: Case) -> Answers:
             t.tangent(stp.articulated_body_acceleration(t.chain, q, v, 2 * tau)) / c.chain.tangent_scale, 1.0
         )
     return answers
+
+
+@asks("inverse_dynamics", "forward_dynamics", "closed_chain_articulated_body", "joint_reactions")
+def wrenches(t: Telling, c: Case) -> Answers:
+    q, v, a = t.state(c.q, c.v, c.a)
+    outside = told_wrenches(t, c, c.q)
+    answers: Answers = {}
+    for method in ("pinocchio", "constraint_matrix"):
+        found = stp.inverse_dynamics(t.chain, q, v, a, wrenches=outside, method=method)
+        answers[method] = t.motors(found.tau_motor)
+    tau = t.efforts(c.tau_motor)
+    answers |= moves(t, q, v, stp.forward_dynamics(t.chain, q, v, tau, wrenches=outside).a)
+    bodies = stp.dynamics.closed_chain_articulated_body(t.chain, q, v, tau, wrenches=outside)
+    answers |= moves(t, q, v, bodies.a, ", articulated bodies")
+    parts = stp.joint_reactions(t.chain.at(q, v, a), wrenches=outside)
+    largest = max(float(np.linalg.norm(part.force)) for part in parts if part.name in t.plain.motors)
+    return answers | ({"largest force on a motor": largest} if t.joint_by_joint else {})
 
 
 @asks("inverse_dynamics_derivatives", "forward_dynamics_derivatives")
