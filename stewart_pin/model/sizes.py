@@ -28,6 +28,8 @@ _POINTS = (
 _LINES = (JointKind.REVOLUTE, JointKind.CYLINDRICAL)
 _OFFSET_OF_ROUND_OFF = 1e-6
 """Share of the other lengths in a file below which a distance between joints is an accident of printed digits."""
+_ROUND_OFF = 1e-14
+"""What a few placements, one after the other, leave of the distance between two points that are one, relative to it."""
 _LONG_STROKE = 500.0
 """Stroke, in sizes of the bodies, beyond which it is a number for "none": a gantry of 20 m on carriages of 0.1 m has
 200, and programs write 1000 m and more."""
@@ -76,7 +78,12 @@ def length_scale(mechanism: Mechanism, platform: str | None = None, *, digits: f
         drawn,
         _farthest_mass(mechanism),
     ]
-    floor = max(_OFFSET_OF_ROUND_OFF, digits) * max(told[0], *told[2:])
+    # Of a balanced gimbal no length is left but those of its bodies, and round-off of where it stands.
+    others = max(told[0], *told[2:], _widest_body(mechanism))
+    reach = max(
+        (float(np.linalg.norm(each.point)) for group in places.values() for each in group), default=0.0
+    )
+    floor = max(max(_OFFSET_OF_ROUND_OFF, digits) * others, _ROUND_OFF * reach)
     return next((length for length in told if length > floor), 1.0)
 
 

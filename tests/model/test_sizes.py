@@ -145,3 +145,19 @@ def test_an_offset_of_round_off_is_none(rng: np.random.Generator) -> None:
     two = Mechanism("wrist", links, tuple(hinges))
     found = length_scale(two)
     assert found > 1e-3 or found == 1.0
+
+
+@pytest.mark.parametrize("inertia", [None, pin.Inertia(1.0, np.zeros(3), 0.01 * np.eye(3))])
+def test_round_off_of_a_balanced_gimbal_is_no_length(
+    inertia: pin.Inertia | None, rng: np.random.Generator
+) -> None:
+    """All axes meet in one point, which is the centre of every mass; sums of placements leave 1e-17 between them."""
+    hinges = []
+    for k, parent in enumerate(("base", "a", "b")):
+        axis = rng.normal(size=3)
+        place = pin.SE3(np.eye(3), np.full(3, 0.3 if k == 0 else 1e-17 * k))
+        hinges.append(
+            Joint(f"h{k}", JointKind.REVOLUTE, parent, "abc"[k], place, axis / np.linalg.norm(axis))
+        )
+    links = tuple(Link(name, None if name == "base" else inertia) for name in ("base", "a", "b", "c"))
+    assert length_scale(Mechanism("gimbal", links, tuple(hinges))) == 1.0
