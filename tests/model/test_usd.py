@@ -501,3 +501,13 @@ def test_joints_to_what_is_not_there(tmp_path: Path) -> None:
     absent = bar("gone").replace("def Xform", "over Xform")
     with pytest.raises(FileFormatError, match=r"joins </robot/gone>, which is no part of the stage"):
         loaded(tmp_path, bar("left"), absent, joint("j", AXIS + ends("left", "gone")))
+
+
+def test_digits_of_positions_in_a_scaled_body_are_scaled(tmp_path: Path) -> None:
+    """Half a unit of 12.3457 in a body that is a tenth as large, in cm; the other ends are round numbers."""
+    small = bar("left").replace("(5, 0, 0)", "(0, 0, 0)").replace('rotateZ"]', 'rotateZ", "xformOp:scale"]')
+    small = small.replace(
+        "        uniform", "        double3 xformOp:scale = (0.1, 0.1, 0.1)\n        uniform"
+    )
+    chain = loaded(tmp_path, small, joint("motor", AXIS + ends("", "left", at1="(12.3457, 0, 0)") + MOTOR))
+    assert chain.mechanism.digits == pytest.approx((0.5e-4 * 0.1 * 0.01, 0.0), rel=1e-12)

@@ -310,12 +310,14 @@ class JointReader:
             )
             return
         for number in (0, 1):
-            lengths += [*self.stage.value(prim, f"physics:localPos{number}", ())]
+            # A position in a scaled body is as fine as the scale makes it.
+            path, targets = str(prim.GetPath()), self.stage.targets(prim, f"physics:body{number}")
+            scale = map(float, self._target(path, targets)[2])
+            position = self.stage.value(prim, f"physics:localPos{number}", (0.0, 0.0, 0.0))
+            lengths += [_open_by(value) * along for value, along in zip(position, scale, strict=True)]
             quaternion = self.stage.value(prim, f"physics:localRot{number}")
-            angles += [] if quaternion is None else [*quaternion_of(quaternion)]
-        length, angle = (
-            max((_open_by(value) for value in values), default=0.0) for values in (lengths, angles)
-        )
+            angles += [] if quaternion is None else [_open_by(value) for value in quaternion_of(quaternion)]
+        length, angle = (max(values, default=0.0) for values in (lengths, angles))
         # An entry of a quaternion is half an angle.
         self.digits = Precision(
             max(self.digits.length, length * self.stage.metre), max(self.digits.angle, 2 * angle)
