@@ -2,10 +2,11 @@
 
 Both differentiate the same equations, with N a basis of the motions that keep the loops closed:
 
-    M a + nle = Sᵀ τ + J_cᵀ λ,      J_c a + bias = 0.
+    M a + nle = Sᵀ τ + J_cᵀ λ + Σ J_fᵀ w,      J_c a + bias = 0.
 
 The derivative of M a + nle - J_cᵀ λ for fixed a and λ is that of Pinocchio's recursive Newton-Euler algorithm with the
 reactions as external forces, plus what `reaction_forces` adds; that of the loops' acceleration is `row_derivatives`.
+Wrenches w keep their axes, not so the Jacobians of the points at which they act: `outside_effort_derivative`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from stewart_pin.brief import Brief
 from stewart_pin.mechanics.forward_dynamics import forward_dynamics
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_norm, natural_share
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, outside_effort_derivative
 from stewart_pin.state.row_derivatives import reaction_forces, row_derivatives
 from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import NO_INERTIA
@@ -68,6 +70,8 @@ def inverse_dynamics_derivatives(
     q: ArrayLike | None = None,
     v: ArrayLike | None = None,
     a: ArrayLike | None = None,
+    *,
+    wrenches: Wrenches | None = None,
 ) -> EffortDerivatives:
     """Differentiate the motor efforts of `inverse_dynamics`.
 
@@ -84,6 +88,9 @@ def inverse_dynamics_derivatives(
         (nv,) tangent velocity that keeps them closed, with a chain [m/s, rad/s].
     a
         (nv,) tangent acceleration that keeps them closed [m/s², rad/s²].
+    wrenches
+        {link: (6,)} what acts from outside, as in `inverse_dynamics`; they keep their axes, and act at the
+        frame's origin wherever it goes [N, N m].
 
     Returns
     -------
@@ -108,8 +115,9 @@ def inverse_dynamics_derivatives(
     """
     state = as_state(chain, q, v, a)
     chain = state.chain
-    effort, demand = inverse_dynamics(state), state.require_accelerating()
-    force_q, force_v, inertia = force_derivatives(state, effort.a, effort.lambda_c)
+    outside = as_wrenches(chain, wrenches)
+    effort, demand = inverse_dynamics(state, wrenches=wrenches), state.require_accelerating()
+    force_q, force_v, inertia = force_derivatives(state, effort.a, effort.lambda_c, outside)
     motions, idle = state.freedom.motions, state.freedom.idle
     if idle.shape[1]:
         force_q = force_q + inertia @ _idle_turning(state, effort.a - demand)
@@ -135,6 +143,8 @@ def forward_dynamics_derivatives(
     q: ArrayLike | None = None,
     v: ArrayLike | None = None,
     tau_motor: ArrayLike | None = None,
+    *,
+    wrenches: Wrenches | None = None,
 ) -> MotionDerivatives:
     """Differentiate the acceleration of `forward_dynamics`.
 
@@ -148,6 +158,9 @@ def forward_dynamics_derivatives(
         (nv,) tangent velocity that keeps them closed, with a chain [m/s, rad/s].
     tau_motor
         (nu,) motor efforts in the order of ``chain.motors`` [N or N m].
+    wrenches
+        {link: (6,)} what acts from outside, as in `inverse_dynamics`; they keep their axes, and act at the
+        frame's origin wherever it goes [N, N m].
 
     Returns
     -------
@@ -165,8 +178,9 @@ def forward_dynamics_derivatives(
     """
     state = as_state(chain, q, v)
     chain = state.chain
-    motion = forward_dynamics(state, tau_motor=tau_motor)
-    force_q, force_v, inertia = force_derivatives(state, motion.a, motion.lambda_c)
+    outside = as_wrenches(chain, wrenches)
+    motion = forward_dynamics(state, tau_motor=tau_motor, wrenches=wrenches)
+    force_q, force_v, inertia = force_derivatives(state, motion.a, motion.lambda_c, outside)
     rows = row_derivatives(chain, state.q, state.v, motion.a)
     motions = state.freedom.motions
     response = motions @ _inverse_inertia(chain, inertia, motions) @ motions.T
@@ -184,9 +198,9 @@ def forward_dynamics_derivatives(
 
 
 def force_derivatives(
-    state: State, a: Tangent, lambda_c: FloatArray
+    state: State, a: Tangent, lambda_c: FloatArray, outside: OutsideWrenches | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Differentiate M a + nle - J_cᵀ λ for fixed λ.
+    """Differentiate M a + nle - J_cᵀ λ - Σ J_fᵀ w for fixed λ and w.
 
     Parameters
     ----------
@@ -196,6 +210,8 @@ def force_derivatives(
         (nv,) tangent acceleration [m/s², rad/s²].
     lambda_c
         (nc,) multipliers of the rows [N, N m].
+    outside
+        Wrenches from outside, or None.
 
     Returns
     -------
@@ -207,7 +223,10 @@ def force_derivatives(
     data = pin.Data(model)
     pin.computeRNEADerivatives(model, data, state.q, state.v, a, reactions.forces)
     force_q, force_v = (np.array(x).reshape(chain.nv, chain.nv) for x in (data.dtau_dq, data.dtau_dv))
-    return unit * (force_q - reactions.derivative), unit * force_v, state.M
+    force_q = unit * (force_q - reactions.derivative)
+    if outside is not None:
+        force_q = force_q - outside_effort_derivative(state, outside)
+    return force_q, unit * force_v, state.M
 
 
 def _least_norm(state: State, rows: FloatArray) -> FloatArray:

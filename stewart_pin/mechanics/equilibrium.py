@@ -21,8 +21,9 @@ from stewart_pin.mechanics.effort import hangs
 from stewart_pin.mechanics.forward_dynamics import forward_dynamics
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import Wrenches, as_wrenches
 from stewart_pin.state.state import State, as_state
-from stewart_pin.tolerances import NO_INERTIA
+from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray
 
 _AT_REST = 1e-6
@@ -58,7 +59,11 @@ class LinearSystem(Brief):
 
 
 def linearise(
-    chain: ClosedChain | State, q: ArrayLike | None = None, *, tau_motor: ArrayLike | None = None
+    chain: ClosedChain | State,
+    q: ArrayLike | None = None,
+    *,
+    tau_motor: ArrayLike | None = None,
+    wrenches: Wrenches | None = None,
 ) -> LinearSystem:
     """Linearise the motion of a chain about an equilibrium.
 
@@ -72,7 +77,10 @@ def linearise(
     q
         (nq,) configuration with closed loops, with a chain [m, rad, unit quaternions].
     tau_motor
-        (nu,) motor efforts that hold it there [N or N m]; default: those that gravity needs.
+        (nu,) motor efforts that hold it there [N or N m]; default: those that gravity and the wrenches need.
+    wrenches
+        {link: (6,)} what acts from outside, as in `inverse_dynamics`; they keep their axes, and act at the
+        frame's origin wherever it goes [N, N m].
 
     Returns
     -------
@@ -96,9 +104,10 @@ def linearise(
     state = as_state(chain, q)
     state = State(state.chain, state.q)  # at rest
     chain = state.chain
-    needed = inverse_dynamics(state)
+    needed = inverse_dynamics(state, wrenches=wrenches)
     tau = needed.tau_motor if tau_motor is None else as_array("tau_motor", tau_motor, (chain.nu,))
-    left = _without_hanging(state, forward_dynamics(state, tau_motor=tau).a) / chain.tangent_scale
+    left = _without_hanging(state, forward_dynamics(state, tau_motor=tau, wrenches=wrenches).a)
+    left = left / chain.tangent_scale
     if np.abs(left).max(initial=0.0) > _AT_REST * max(1.0, float(np.linalg.norm(chain.gravity))):
         worst = int(np.argmax(np.abs(left)))
         raise InputError(
@@ -107,7 +116,7 @@ def linearise(
             "(idle freedoms hang down)"
         )
     motions, names = coordinate_motions(state)
-    slopes = forward_dynamics_derivatives(state, tau_motor=tau)
+    slopes = forward_dynamics_derivatives(state, tau_motor=tau, wrenches=wrenches)
     scale = chain.tangent_scale[:, None]
     coordinates = np.linalg.pinv(motions / scale) / scale.T  # ξ of a motion
     n = motions.shape[1]
@@ -222,6 +231,7 @@ def natural_frequencies(
     q: ArrayLike | None = None,
     *,
     motor_stiffness: ArrayLike,
+    wrenches: Wrenches | None = None,
     preload: bool = True,
 ) -> Vibration:
     """Find the natural frequencies of a chain that stands on elastic motors.
@@ -234,8 +244,11 @@ def natural_frequencies(
         (nq,) configuration with closed loops, held by the motors; with a chain [m, rad, unit quaternions].
     motor_stiffness
         (nu,) or one number: stiffness of each motor [N/m or N m/rad].
+    wrenches
+        {link: (6,)} what acts from outside, as in `inverse_dynamics`: forces, which keep their axes and act at the
+        origin of the frame wherever it goes [N, N m].
     preload
-        Whether gravity and the forces that balance it take part in the stiffness.
+        Whether gravity, the wrenches, and the forces that balance them take part in the stiffness.
 
     Returns
     -------
@@ -247,7 +260,7 @@ def natural_frequencies(
     ActuationError
         If the motors cannot hold the robot.
     InputError
-        If the loops are open or a stiffness is negative.
+        If the loops are open, a stiffness is negative, or wrenches have no potential, as a moment about fixed axes.
     SingularityError
         If a motion has stiffness but no inertia: its frequency is infinite.
 
@@ -260,7 +273,7 @@ def natural_frequencies(
     """
     state = _at_rest(as_state(chain, q))
     chain = state.chain
-    stiffness, mass, motions, names = _matrices(state, motor_stiffness, preload)
+    stiffness, mass, motions, names = _matrices(state, motor_stiffness, preload, wrenches)
     moments, axes = scipy.linalg.eigh(mass)
     heavy = moments > NO_INERTIA * moments.max(initial=0.0)
     weightless = axes[:, ~heavy]
@@ -293,6 +306,7 @@ def platform_stiffness(
     q: ArrayLike | None = None,
     *,
     motor_stiffness: ArrayLike,
+    wrenches: Wrenches | None = None,
     preload: bool = True,
 ) -> FloatArray:
     """Compute the stiffness of the platform on elastic motors: wrench per small displacement.
@@ -305,8 +319,10 @@ def platform_stiffness(
         (nq,) configuration with closed loops, held by the motors; with a chain [m, rad, unit quaternions].
     motor_stiffness
         (nu,) or one number: stiffness of each motor [N/m or N m/rad].
+    wrenches
+        {link: (6,)} what acts from outside, as in `natural_frequencies` [N, N m].
     preload
-        Whether gravity and the forces that balance it take part.
+        Whether gravity, the wrenches, and the forces that balance them take part.
 
     Returns
     -------
@@ -319,11 +335,12 @@ def platform_stiffness(
     ActuationError
         If the motors cannot hold the robot.
     InputError
-        If the loops are open, a stiffness is negative, or the platform has fewer than six freedoms.
+        If the loops are open, a stiffness is negative, wrenches have no potential, or the platform has fewer than six
+        freedoms.
     """
     state = _at_rest(as_state(chain, q))
     chain = state.chain
-    stiffness, _, motions, names = _matrices(state, motor_stiffness, preload)
+    stiffness, _, motions, names = _matrices(state, motor_stiffness, preload, wrenches)
     active = [k for k, name in enumerate(names) if not name.startswith("idle ")]
     if len(active) != 6:
         raise InputError(
@@ -341,19 +358,32 @@ def _at_rest(state: State) -> State:
 
 
 def _matrices(
-    state: State, motor_stiffness: ArrayLike, preload: bool
+    state: State, motor_stiffness: ArrayLike, preload: bool, wrenches: Wrenches | None
 ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[str, ...]]:
     """Stiffness, mass, motions and names along the coordinates."""
     chain = state.chain
     springs = as_array(
         "motor_stiffness", as_spread("motor_stiffness", motor_stiffness, chain.nu), (chain.nu,)
     )
-    effort = inverse_dynamics(state)
+    outside = as_wrenches(chain, wrenches)
+    effort = inverse_dynamics(state, wrenches=wrenches)
     motions, names = coordinate_motions(state)
-    force_q, _, inertia = force_derivatives(state, chain.rest, effort.lambda_c)
+    force_q, _, inertia = force_derivatives(state, chain.rest, effort.lambda_c, outside)
     share = motions[chain.motor_index]
     stiffness = share.T @ (springs[:, None] * share)
     if preload:
         geometric = motions.T @ force_q @ motions
+        if outside is not None:
+            _require_potential(geometric)
         stiffness = stiffness + (geometric + geometric.T) / 2
     return stiffness, motions.T @ inertia @ motions, motions, names
+
+
+def _require_potential(geometric: FloatArray) -> None:
+    """Refuse wrenches that do work on a closed path: their part of the stiffness is not symmetric."""
+    turning = np.abs(geometric - geometric.T).max(initial=0.0)
+    if turning > CONSISTENT * np.abs(geometric).max(initial=0.0):
+        raise InputError(
+            f"wrenches have no potential here: their stiffness along the coordinates misses symmetry by {turning:.3g}, "
+            "as that of a moment about fixed axes does; pass forces at the links on which they act, or ask linearise"
+        )

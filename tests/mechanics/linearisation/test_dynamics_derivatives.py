@@ -67,6 +67,33 @@ DIFFERENCES = 1e-6
 
 
 def test_along_closed_states(chain: stp.ClosedChain, rng: np.random.Generator) -> None:
+    require_slopes(chain, rng, None)
+
+
+PUSHED = (
+    "five_bar with a redundant motor",
+    "rotary_hexapod with idle rods",
+    "gears",
+    "universal",
+    "stewart",
+    "stewart_sps",
+    "delta",
+    "arm_7r",
+)
+
+
+@pytest.mark.parametrize("name", PUSHED)
+def test_under_wrenches(name: str, rng: np.random.Generator) -> None:
+    """They keep their axes while links turn, and the points at which they act move: J_fᵀ w changes with q."""
+    chain = ODD[name](rng)
+    weight = sum(body.mass for body in chain.model.inertias)
+    unit = weight * np.repeat([1.0, chain.length_scale], 3)
+    require_slopes(chain, rng, {link.name: unit * rng.normal(size=6) for link in chain.mechanism.links})
+
+
+def require_slopes(
+    chain: stp.ClosedChain, rng: np.random.Generator, wrenches: dict[str, np.ndarray] | None
+) -> None:
     q = random_configuration(chain, rng, 0.1)
     v, a = random_motion(chain, rng, q)
     motions = chain.at(q).freedom.motions
@@ -75,9 +102,9 @@ def test_along_closed_states(chain: stp.ClosedChain, rng: np.random.Generator) -
     dq, dv, da = change(chain, curve)
 
     def efforts(t: float) -> np.ndarray:
-        return stp.inverse_dynamics(chain, *curve(t)).tau_motor
+        return stp.inverse_dynamics(chain, *curve(t), wrenches=wrenches).tau_motor
 
-    found = stp.dynamics.inverse_dynamics_derivatives(chain, q, v, a)
+    found = stp.dynamics.inverse_dynamics_derivatives(chain, q, v, a, wrenches=wrenches)
     slope = (efforts(STEP) - efforts(-STEP)) / (2 * STEP)
     close(found.tau_q @ dq + found.tau_v @ dv + found.tau_a @ da, slope, DIFFERENCES)
 
@@ -85,9 +112,9 @@ def test_along_closed_states(chain: stp.ClosedChain, rng: np.random.Generator) -
 
     def acceleration(t: float) -> np.ndarray:
         q, v, _ = curve(t)
-        return stp.forward_dynamics(chain, q, v, tau + t * dtau).a
+        return stp.forward_dynamics(chain, q, v, tau + t * dtau, wrenches=wrenches).a
 
-    motion = stp.dynamics.forward_dynamics_derivatives(chain, q, v, tau)
+    motion = stp.dynamics.forward_dynamics_derivatives(chain, q, v, tau, wrenches=wrenches)
     slope = (acceleration(STEP) - acceleration(-STEP)) / (2 * STEP)
     close(motion.a_q @ dq + motion.a_v @ dv + motion.a_tau @ dtau, slope, DIFFERENCES)
 

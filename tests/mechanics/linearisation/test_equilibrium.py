@@ -43,6 +43,54 @@ def test_a_pendulum_swings_and_topples() -> None:
     np.testing.assert_allclose(held.frequency, rate / (2 * np.pi), rtol=1e-12)
 
 
+def test_a_dead_load_pulls_a_pendulum_straight() -> None:
+    """A force that keeps its direction, at a tip 0.8 m below the hinge, adds P · 0.8 to the weight's m g l."""
+    moment, pull = 0.1 + 2.0 * 0.25, 30.0
+    tip = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.8]))
+    chain = stp.with_platform(pendulum(), "bob", placement=tip, name="tip")
+    down = {"tip": [0, 0, -pull, 0, 0, 0]}
+    rate = np.sqrt((2.0 * g * 0.5 + pull * 0.8) / moment)
+    system = stp.linearise(chain, chain.q_home, wrenches=down)
+    np.testing.assert_allclose(system.A, [[0, 1], [-(rate**2), 0]], atol=1e-12)
+    found = stp.natural_frequencies(chain, chain.q_home, motor_stiffness=0.0, wrenches=down)
+    np.testing.assert_allclose(found.frequency, rate / (2 * np.pi), rtol=1e-12)
+    # A pull to the side bends it: the motor holds it, and the same force then stiffens as its part along the rod.
+    aside = {"tip": [pull, 0, 0, 0, 0, 0]}
+    held = stp.linearise(chain, chain.q_home, wrenches=aside)
+    np.testing.assert_allclose(held.tau_motor, [pull * 0.8], rtol=1e-13)  # about y, from z to x
+    np.testing.assert_allclose(held.A[1, 0], -(2.0 * g * 0.5) / moment, rtol=1e-12)
+    with pytest.raises(InputError, match="no equilibrium"):
+        stp.linearise(chain, chain.q_home, tau_motor=[0.0], wrenches=aside)
+
+
+def test_a_linear_system_under_wrenches_is_the_change_of_acceleration(rng: np.random.Generator) -> None:
+    chain = robot("stewart")
+    q = random_configuration(chain, rng, 0.1)
+    wrenches = {"platform": 200 * rng.normal(size=6), "leg2_lower": 50 * rng.normal(size=6)}
+    system = stp.linearise(chain, q, wrenches=wrenches)
+    n, rest, h = system.motions.shape[1], np.zeros(chain.nv), 1e-4
+
+    def motors(step: np.ndarray) -> np.ndarray:
+        moved = stp.close_loops(chain, pin.integrate(chain.model, q, system.motions @ step)).q
+        return stp.forward_dynamics(chain, moved, rest, system.tau_motor, wrenches=wrenches).a[
+            chain.motor_index
+        ]
+
+    slopes = [(motors(h * unit) - motors(-h * unit)) / (2 * h) for unit in np.eye(n)]
+    close(system.A[n:, :n], np.transpose(slopes), 1e-6)
+    assert np.abs(system.A - stp.linearise(chain, q).A).max() > 0.1 * np.abs(system.A[n:, :n]).max()
+
+
+def test_a_moment_about_fixed_axes_has_no_frequencies(rng: np.random.Generator) -> None:
+    """Its work depends on the way, so that its stiffness is not symmetric: said, not made so."""
+    chain = robot("stewart")
+    q = random_configuration(chain, rng, 0.1)
+    for verb in (stp.natural_frequencies, stp.dynamics.platform_stiffness):
+        with pytest.raises(InputError, match="wrenches have no potential here"):
+            verb(chain, q, motor_stiffness=1e4, wrenches={"platform": [0, 0, 0, 300, 200, 100]})
+        verb(chain, q, motor_stiffness=1e4, wrenches={"platform": [300, 200, 100, 0, 0, 0]})
+
+
 # Closed form: K = Jᵀ k J for light legs without preload (Merlet).
 def test_platform_stiffness_without_preload(rng: np.random.Generator) -> None:
     chain = robot("stewart")
