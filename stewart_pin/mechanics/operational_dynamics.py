@@ -3,7 +3,7 @@ r"""Maps from the rates of chosen coordinates to the whole chain, and its equati
 With v = G x_rate + R w, where R spans the motions that the coordinates leave at rest, and Rᵀ M G = 0, the equation
 of motion of the spanning tree times Gᵀ loses loop reactions and idle freedoms:
 
-.. math:: M_x \ddot x + C_x \dot x + g_x = (S G)^\top \tau, \qquad M_x = G^\top M G, \quad
+.. math:: M_x \ddot x + C_x \dot x + g_x = (S G)^\top \tau + G^\top \sum J_f^\top w_f, \qquad M_x = G^\top M G, \quad
           C_x = G^\top (M \dot G + C G), \quad g_x = G^\top g,
 
 where C is the Coriolis matrix of the tree with :math:`\dot M = C + C^\top`, hence :math:`\dot M_x = C_x + C_x^\top`.
@@ -25,8 +25,10 @@ from stewart_pin.mechanics.coordinates import (
     rows_bias,
     rows_rate,
 )
+from stewart_pin.mechanics.inverse_dynamics import require_idle_inertia
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import OwnMotion, split_motions
+from stewart_pin.state.outside import Wrenches, as_wrenches, outside_efforts
 from stewart_pin.state.state import State, as_state, named_motion
 from stewart_pin.tolerances import SHOWN, SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
@@ -57,8 +59,8 @@ class MotionMap(Brief):
     G
         (nv, n) tangent velocity per coordinate rate, ``loop_jacobian @ G = 0`` [m/s or rad/s per m/s or rad/s].
     gamma
-        (nv,) acceleration that is there without acceleration of the coordinates: centripetal, and what weight and
-        inertia do to the motions at rest [m/s², rad/s²].
+        (nv,) acceleration that is there without acceleration of the coordinates: centripetal, and what weight, inertia
+        and wrenches from outside do to the motions at rest [m/s², rad/s²].
     share
         (nu, n) motor rates per coordinate rate; its transpose turns motor efforts into the effort of each coordinate
         [m/s or rad/s per m/s or rad/s].
@@ -185,8 +187,13 @@ class SolvedMap:
         across = self.state.motions.across(scaled[:nc])
         return across + self.state.motions.basis @ self._seen.across(scaled[nc:] - self._rows @ across)
 
-    def record(self) -> MotionMap:
+    def record(self, pushed: FloatArray | None = None) -> MotionMap:
         """Return the map in the robot's own units.
+
+        Parameters
+        ----------
+        pushed
+            (nv,) joint efforts of wrenches from outside, or None [N, N m].
 
         Returns
         -------
@@ -199,7 +206,7 @@ class SolvedMap:
         bias = np.concatenate([state.loop_bias, rows_bias(state, chosen)])
         gamma = self.follow(-bias)
         if self.rest.shape[1]:
-            gamma = self._own.acceleration(gamma)
+            gamma = self._own.acceleration(gamma, pushed)
         return MotionMap(
             coordinates=chosen,
             rate=chosen.rows @ state.v,
@@ -255,7 +262,7 @@ def _dependent(chain: ClosedChain, chosen: Coordinates, seen: FloatArray, rank: 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OperationalDynamics(Brief):
-    """M x_acceleration + c + g = effort of each coordinate.
+    """M x_acceleration + c + g = w + effort of each coordinate.
 
     Motor coordinates have the motor efforts on the right, platform coordinates the wrench (or its components along
     the basis), any coordinates ``motion.share.T @ tau_motor``.
@@ -272,6 +279,8 @@ class OperationalDynamics(Brief):
         (n,) Coriolis and centrifugal efforts: ``C @ motion.rate``, and what idle freedoms that turn add [N or N m].
     g
         (n,) efforts against gravity [N or N m].
+    w
+        (n,) what the wrenches from outside add to the efforts; zero without [N or N m].
     """
 
     motion: MotionMap
@@ -279,6 +288,7 @@ class OperationalDynamics(Brief):
     C: FloatArray
     c: FloatArray
     g: FloatArray
+    w: FloatArray
 
 
 def operational_dynamics(
@@ -287,6 +297,7 @@ def operational_dynamics(
     v: ArrayLike | None = None,
     *,
     coordinates: CoordinateChoice = "motor",
+    wrenches: Wrenches | None = None,
 ) -> OperationalDynamics:
     """Write the equation of motion of a chain in motor, joint or platform coordinates.
 
@@ -300,18 +311,21 @@ def operational_dynamics(
         (nv,) tangent velocity that keeps them closed; default: rest [m/s, rad/s].
     coordinates
         As in `motion_map` [m/s, rad/s].
+    wrenches
+        {link: (6,)} what acts from outside, as in `inverse_dynamics` [N, N m].
 
     Returns
     -------
     OperationalDynamics
-        Inertia, Coriolis matrix and efforts, gravity efforts.
+        Inertia, Coriolis matrix and efforts, gravity efforts, and those of the wrenches.
 
     Raises
     ------
     ActuationError
         If motors or joints do not determine the motion; carries the freedom left over.
     SingularityError
-        If the coordinates depend on each other; proposes independent ones.
+        If the coordinates depend on each other; proposes independent ones. If wrenches push an idle freedom that has no
+        inertia.
     InputError
         If the state does not keep the loops closed, or the coordinates are unknown.
 
@@ -334,7 +348,11 @@ def operational_dynamics(
     """
     state = as_state(chain, q, v)
     solved = SolvedMap(state, coordinates)
-    motion, scale, sizes = solved.record(), solved.scale, solved.chosen.sizes
+    outside, pushed = as_wrenches(state.chain, wrenches), None
+    if outside is not None:
+        require_idle_inertia(state, outside)
+        pushed = outside_efforts(state, outside)
+    motion, scale, sizes = solved.record(pushed), solved.scale, solved.chosen.sizes
     coriolis = scale[:, None] * state.coriolis * scale
     G, inertia = solved.G, solved.inertia
     own = scale[:, None] * G
@@ -351,4 +369,5 @@ def operational_dynamics(
         C=G.T @ (inertia @ G_rate + coriolis @ G) / across,
         c=G.T @ (inertial + scale * (state.nle - state.weight)) / sizes,
         g=motion.G.T @ state.weight,
+        w=np.zeros(M.shape[0]) if pushed is None else motion.G.T @ pushed,
     )

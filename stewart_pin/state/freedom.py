@@ -424,13 +424,15 @@ class OwnMotion:
             motion = motion - self._light @ (self._light.T @ (self._state.turning @ motion))
         return motion
 
-    def acceleration(self, motion: FloatArray) -> FloatArray:
-        """Let the motions follow their own inertia, under weight and gyroscopic effects.
+    def acceleration(self, motion: FloatArray, pushed: FloatArray | None = None) -> FloatArray:
+        """Let the motions follow their own inertia, under weight, gyroscopic effects and what pushes them.
 
         Parameters
         ----------
         motion
             (nv,) acceleration, lengths in robot sizes, dimensionless.
+        pushed
+            (nv,) joint efforts of wrenches from outside, or None [N, N m].
 
         Returns
         -------
@@ -439,7 +441,8 @@ class OwnMotion:
         """
         state = self._state
         if self._heavy.shape[1]:
-            pull = state.inertia @ motion + state.nle * state.chain.tangent_scale
+            needed = state.nle if pushed is None else state.nle - pushed
+            pull = state.inertia @ motion + needed * state.chain.tangent_scale
             motion = motion - self._heavy @ (self._heavy.T @ pull)
         if self._light.shape[1]:
             turning = state.turning @ motion + state.turning_bias

@@ -125,3 +125,21 @@ def test_reactions_and_wrenches_move_each_body(held: Case, rng: np.random.Genera
         left[body[part.source].parentJoint] += moved
         size = max(size, np.abs(moved).max())
     assert np.abs(left[1:]).max() <= round_off(held, 1e-9) * size
+
+
+def test_the_equation_in_chosen_coordinates_holds_with_them(held: Case, rng: np.random.Generator) -> None:
+    chain, wrenches = held.chain, drawn(held.chain, rng)
+    state = chain.at(held.q, held.v)
+    for coordinates in ("motor", "platform"):
+        if held.pose == "near_singular" and coordinates == "platform":
+            continue  # rates of motors at rest of the platform have no digits
+        if chain.nu > chain.generic.count.motor and coordinates == "motor":
+            continue  # motors that depend on each other
+        law = stp.operational_dynamics(state, coordinates=coordinates, wrenches=wrenches)
+        wanted = law.motion.coordinates.sizes * rng.normal(size=law.g.size)
+        a = law.motion.G @ wanted + law.motion.gamma
+        effort = stp.inverse_dynamics(chain, held.q, held.v, a, wrenches=wrenches)
+        close(effort.a / chain.tangent_scale, a / chain.tangent_scale, round_off(held, 1e-9))
+        parts = [law.M @ wanted, law.c, law.g, law.w, law.motion.share.T @ effort.tau_motor]
+        left = parts[0] + parts[1] + parts[2] - parts[3] - parts[4]
+        assert np.abs(left).max() <= round_off(held, 1e-10) * np.abs(parts).max()
