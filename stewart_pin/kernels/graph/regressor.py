@@ -16,6 +16,7 @@ from stewart_pin.kernels.graph.joint_motion import Wrench, at_rest, carry_down, 
 from stewart_pin.kernels.graph.leg_forces import leg_motions, leg_velocities
 from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, leg_rates, platform_motion
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, balancing_efforts, motor_columns
+from stewart_pin.kernels.graph.state_functions import openness
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, motor_efforts
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant, shared, skew, turning_matrix
 from stewart_pin.state.chain import ClosedChain
@@ -37,7 +38,7 @@ def tree_regressor(closed: ClosedTree) -> ca.Function:
     Returns
     -------
     casadi.Function
-        ``(q, v, a) -> regressor``, (nu, 10 bodies and the rotors).
+        ``(q, v, a) -> (regressor, open)``, (nu, 10 bodies and the rotors), and how far the state is from closed loops.
 
     Raises
     ------
@@ -47,7 +48,10 @@ def tree_regressor(closed: ClosedTree) -> ca.Function:
         If the motors cannot hold the robot at home.
     """
     v, a = ca.SX.sym("v", closed.tree.nv), ca.SX.sym("a", closed.tree.nv)
-    return shared("regressor", {"q": closed.q, "v": v, "a": a}, {"regressor": _regressor(closed, v, a)})
+    inputs = {"q": closed.q, "v": v, "a": a}
+    return shared(
+        "regressor", inputs, {"regressor": _regressor(closed, v, a), "open": openness(closed, **inputs)}
+    )
 
 
 def driven_regressor(driven: DrivenTree) -> ca.Function:

@@ -1,0 +1,52 @@
+"""Rules that every row of the table of verbs keeps: no state is answered that none has judged."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.kernels.graph.function_set import Coordinates, FunctionSet
+from stewart_pin.kernels.graph.verbs import VERBS
+from stewart_pin.kernels.verbs.calling import SingleVerb
+from stewart_pin.programs.status import StateStatus
+from tests.closed_states import robot
+
+WAYS: list[tuple[str, Coordinates]] = [
+    ("four_bar", "tree"),
+    ("four_bar", "motor"),
+    ("four_bar", "platform"),
+    ("rpr_planar", "platform"),  # legs with closed forms
+]
+
+
+@pytest.mark.parametrize(("name", "coordinates"), WAYS)
+def test_every_motion_is_judged(name: str, coordinates: Coordinates) -> None:
+    functions = FunctionSet(robot(name), coordinates)
+    for verb, row in VERBS.items():
+        if verb not in functions.names or verb == "conditioning":
+            continue
+        function = functions.function(verb)
+        if coordinates == "tree":
+            assert "open" in function.name_out(), f"{verb} does not tell how far a state is from closed loops"
+        elif function.n_in() > 1:
+            assert "infeasible" in function.name_out(), f"{verb} does not tell what the chain cannot do"
+        if function.n_in() > 1:
+            assert row.solves != "nothing", f"{verb} divides, and no singularity is told"
+
+
+def test_every_verb_is_for_single_states() -> None:
+    assert set(VERBS) - {"conditioning"} <= set(get_args(SingleVerb))
+
+
+def test_open_loops_have_no_regressor(rng: np.random.Generator) -> None:
+    chain = robot("four_bar")
+    many = stp.compile_kernels(chain, coordinates="tree", engine="numpy")
+    q = np.array([chain.q_home, pin.integrate(chain.model, chain.q_home, 0.3 * rng.normal(size=chain.nv))])
+    status = np.empty(2, dtype=np.int8)
+    found = many.regressor(q, np.zeros(chain.nv), np.zeros(chain.nv), status=status)
+    assert np.isfinite(found[0]).all() and np.isnan(found[1]).all()
+    assert status.tolist() == [StateStatus.OK, StateStatus.OUT_OF_BOUNDS]
