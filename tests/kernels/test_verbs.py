@@ -9,9 +9,11 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
+from stewart_pin.errors import UnsupportedError
+from stewart_pin.kernels.graph import driven_tree
 from stewart_pin.kernels.graph.function_set import Coordinates, FunctionSet
-from stewart_pin.kernels.graph.verbs import VERBS
-from stewart_pin.kernels.verbs.calling import SingleVerb
+from stewart_pin.kernels.graph.verbs import VERBS, Verb
+from stewart_pin.kernels.verbs.calling import Places, SingleVerb
 from stewart_pin.programs.status import StateStatus
 from tests.closed_states import robot
 
@@ -50,3 +52,27 @@ def test_open_loops_have_no_regressor(rng: np.random.Generator) -> None:
     found = many.regressor(q, np.zeros(chain.nv), np.zeros(chain.nv), status=status)
     assert np.isfinite(found[0]).all() and np.isnan(found[1]).all()
     assert status.tolist() == [StateStatus.OK, StateStatus.OUT_OF_BOUNDS]
+
+
+@pytest.mark.parametrize("coordinates", ["platform", "motor"])
+def test_a_verb_without_closed_forms_asks_the_whole_tree(
+    coordinates: Coordinates, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    row = Verb(driven=driven_tree.driven_inverse_dynamics, solves="motors")
+    monkeypatch.setitem(VERBS, "efforts", row)
+    chain = robot("rpr_planar")  # legs with closed forms
+    many = stp.compile_kernels(chain, coordinates=coordinates, engine="numpy")
+    assert many.by_legs
+    place = stp.motor_positions(chain, chain.q_home)
+    if coordinates == "platform":
+        place = pin.SE3ToXYZQUAT(stp.platform_pose(chain, chain.q_home))
+    still = np.zeros(6 if coordinates == "platform" else chain.nu)
+    found = many._call("efforts", (place, still, still), Places(None, None, None, 1))
+    np.testing.assert_allclose(found, many.inverse_dynamics(place, still, still), rtol=0, atol=1e-9)
+
+
+def test_no_conditioning_is_made_up() -> None:
+    many = stp.compile_kernels(robot("rpr_planar"), engine="numpy")
+    pose = pin.SE3ToXYZQUAT(stp.platform_pose(many.chain, many.chain.q_home))
+    with pytest.raises(UnsupportedError, match="'inverse_kinematics' divides by nothing"):
+        many._call("inverse_kinematics", (pose,), Places(None, None, np.empty(1), 1))

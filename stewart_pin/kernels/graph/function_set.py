@@ -286,7 +286,7 @@ class FunctionSet:
             return verb.state is not None
         if self.coordinates == "motor":
             return verb.driven is not None and not verb.of_poses
-        return (verb.driven if self.placed is None else verb.legs) is not None
+        return verb.driven is not None or (self.placed is not None and verb.legs is not None)
 
     def _verb(self, verb: Verb) -> ca.Function:
         if self.coordinates == "tree":
@@ -294,7 +294,7 @@ class FunctionSet:
             return verb.state(self.closed)
         if verb.solves == "reactions":
             require_standing_frames(self.chain)
-        if self.placed is not None:
+        if self.placed is not None and verb.legs is not None:
             try:
                 return self._by_closed_forms(verb)
             except UnsupportedError:

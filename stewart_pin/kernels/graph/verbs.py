@@ -172,14 +172,16 @@ class Verb:
     Attributes
     ----------
     legs
-        Of a platform on legs with closed forms: takes the pose.
+        Of a platform on legs with closed forms: takes the pose. Without it the whole tree is asked there too.
     driven
         Of a whole tree that its platform or its motors drive: takes the configuration, and the motion of what drives.
+        One of a motion has the output ``infeasible``.
     state
-        Of a whole tree: takes q, v, a.
+        Of a whole tree: takes q, v, a, and has the output ``open``.
     solves
-        ``"motions"``: accelerations, or motor rates; ``"motors"``: the motors' share of the forces; ``"reactions"``:
-        the loops' as well.
+        By what it divides, and singularities are told. ``"nothing"``: positions alone; ``"motions"``: velocities of
+        the joints, accelerations, or motor rates; ``"motors"``: the motors' share of the forces; ``"reactions"``: the
+        loops' as well.
     of_poses
         Whether it is for platform coordinates alone.
     """

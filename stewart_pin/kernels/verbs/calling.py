@@ -511,6 +511,10 @@ class Caller:
 
     def _compiled(self, name: str, *, graded: bool, wary: bool) -> ArrayKernel:
         function, measure = self.casadi(name), self._measured(name)
+        if graded and measure is None:
+            raise UnsupportedError(
+                f"{name!r} divides by nothing, and has no conditioning; leave out conditioning="
+            )
         found = self.coordinates == "motor"
         function, bounds = judged(function, measure, self._dtype, graded=graded, wary=wary, found=found)
         derivatives = [output for output in function.name_out() if output.startswith("by_")]

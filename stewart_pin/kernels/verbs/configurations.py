@@ -265,7 +265,7 @@ def judged(
     dtype
         Type of the kernel.
     graded
-        Whether the conditioning is given back, as the last output, of singular states too; nan without a measure.
+        Whether the conditioning is given back, as the last output, of singular states too; it needs a measure.
     wary
         Whether states that are `POOR` count as singular already, to be looked at again.
     found
