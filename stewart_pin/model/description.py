@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.brief import Brief
+from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.shapes import Shape
 from stewart_pin.typing import FloatArray
 
@@ -45,8 +46,41 @@ TREE_KINDS = (
 )
 """Kinds that a joint of the spanning tree may have."""
 
-LOOP_KINDS = tuple(kind for kind in JointKind if kind is not JointKind.FLOATING)
+LOOP_KINDS = (
+    JointKind.FIXED,
+    JointKind.REVOLUTE,
+    JointKind.PRISMATIC,
+    JointKind.SPHERICAL,
+    JointKind.UNIVERSAL,
+    JointKind.CYLINDRICAL,
+    JointKind.PLANAR,
+    JointKind.POINT_ON_LINE,
+    JointKind.DISTANCE,
+)
 """Kinds that the closure of a loop may have."""
+
+
+def unknown_kind(owner: str, kind: str, where: str) -> UnsupportedError:
+    """Say that a table of kinds lacks the one of a joint or a loop.
+
+    Parameters
+    ----------
+    owner
+        The joint or loop, as ``joint 'wrist'``.
+    kind
+        Its kind.
+    where
+        What the table is of.
+
+    Returns
+    -------
+    UnsupportedError
+        To be raised.
+    """
+    return UnsupportedError(
+        f"{owner} is of kind '{kind}', which {where} does not know; make it of joints of other kinds, or enter it there"
+    )
+
 
 BALL = ("swing", "angle")
 """Coordinates of a ball that can be limited: the angle between its axis in both frames, and that of its whole turn."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stewart_pin.model.description import JointKind, Loop
+from stewart_pin.model.description import JointKind, Loop, unknown_kind
 from stewart_pin.typing import FloatArray
 
 
@@ -103,6 +103,7 @@ def closure_rows(loop: Loop) -> tuple[Row, ...]:
             return (*point, turn_a, turn_b, turn_c)
         case JointKind.FLOATING:
             return ()
+    raise unknown_kind(f"loop '{loop.name}'", loop.kind, "the table of loop rows")
 
 
 def orthonormal_triad(axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

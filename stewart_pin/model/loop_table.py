@@ -9,15 +9,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.polynomial.polynomial import polyder, polyval
 
-from stewart_pin.model.description import JointKind, Loop, Mechanism
+from stewart_pin.model.description import Loop, Mechanism
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, Row, closure_rows, orthonormal_triad
 from stewart_pin.model.tree import link_frame
 from stewart_pin.typing import BoolArray, FloatArray
-
-_HELD = (JointKind.FIXED, JointKind.PRISMATIC)
-"""Loops that hold all directions of frames 1 and 2 together."""
-_ALIGNED = (*_HELD, JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.PLANAR)
-"""Loops that hold at least their axes together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,13 +277,21 @@ def _rows(loops: Sequence[Loop]) -> tuple[list[str], list[slice], dict[type, lis
     return names, slices, groups
 
 
+_HELD = (0, 0, 1, 3)
+"""Directions that are held together by as many angle rows: two hold the axis, three all."""
+
+
+def _angles(loop: Loop) -> int:
+    """Count the angle rows of a loop."""
+    return sum(isinstance(row, AngleRow) for row in closure_rows(loop))
+
+
 def _aligned(loops: Sequence[Loop]) -> tuple[np.ndarray, FloatArray]:
     """Directions that loops hold together, and the loop of each."""
     held = [
         (number, direction)
         for number, loop in enumerate(loops)
-        if loop.kind in _ALIGNED
-        for direction in orthonormal_triad(loop.axis)[: 3 if loop.kind in _HELD else 1]
+        for direction in orthonormal_triad(loop.axis)[: _HELD[_angles(loop)]]
     ]
     numbers = np.array([number for number, _ in held], dtype=int)
     return numbers, np.array([direction for _, direction in held], dtype=float).reshape(-1, 3)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.model.description import Joint, JointKind, Mechanism
+from stewart_pin.model.description import Joint, JointKind, Mechanism, unknown_kind
 from stewart_pin.typing import FloatArray
 
 _POINTS = (
@@ -26,6 +26,7 @@ _POINTS = (
     JointKind.DISTANCE,
 )
 _LINES = (JointKind.REVOLUTE, JointKind.CYLINDRICAL)
+_NOWHERE = (JointKind.PRISMATIC, JointKind.PLANAR, JointKind.FLOATING)
 _OFFSET_OF_ROUND_OFF = 1e-6
 """Share of the other lengths in a file below which a distance between joints is an accident of printed digits."""
 _ROUND_OFF = 1e-14
@@ -116,23 +117,27 @@ def _places(
 ) -> dict[str, list[_Place]]:
     places: dict[str, list[_Place]] = defaultdict(list)
 
-    def add(link: str, kind: JointKind, placement: pin.SE3, axis: FloatArray) -> None:
+    def add(owner: str, link: str, kind: JointKind, placement: pin.SE3, axis: FloatArray) -> None:
         body, at = bodies[link]
         frame = at * placement
         if kind in _POINTS:
             places[body].append(_Place(np.array(frame.translation)))
         elif kind in _LINES:
             places[body].append(_Place(np.array(frame.translation), frame.rotation @ axis))
+        elif kind not in _NOWHERE:
+            raise unknown_kind(owner, kind, "the measure of size")
 
     for joint in mechanism.joints:
         if joint.kind is not JointKind.FIXED:
-            add(joint.parent, joint.kind, joint.placement, joint.axis)
-            add(joint.child, joint.kind, pin.SE3.Identity(), joint.axis)
+            owner = f"joint '{joint.name}'"
+            add(owner, joint.parent, joint.kind, joint.placement, joint.axis)
+            add(owner, joint.child, joint.kind, pin.SE3.Identity(), joint.axis)
     for loop in mechanism.loops:
         on_line = loop.kind is JointKind.POINT_ON_LINE  # the line is on body 1, the point on body 2
         one, two = (JointKind.REVOLUTE, JointKind.SPHERICAL) if on_line else (loop.kind, loop.kind)
-        add(loop.link1, one, loop.placement1, loop.axis)
-        add(loop.link2, two, loop.placement2, loop.axis)
+        owner = f"loop '{loop.name}'"
+        add(owner, loop.link1, one, loop.placement1, loop.axis)
+        add(owner, loop.link2, two, loop.placement2, loop.axis)
     for body, place in _universal_centres(mechanism, bodies, drawn):
         places[body].append(place)
     if platform is not None:

@@ -16,7 +16,15 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.brief import Brief
-from stewart_pin.model.description import BALL, Bounds, Joint, JointKind, Mechanism, loop_coordinates
+from stewart_pin.model.description import (
+    BALL,
+    Bounds,
+    Joint,
+    JointKind,
+    Mechanism,
+    loop_coordinates,
+    unknown_kind,
+)
 from stewart_pin.typing import ArrayLike, BoolArray, FloatArray
 
 _AXES = np.eye(3)
@@ -201,9 +209,11 @@ def _joint_model(joint: Joint) -> pin.JointModel:
         case JointKind.REVOLUTE:
             aligned = (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)
             general = pin.JointModelRevoluteUnaligned
-        case _:
+        case JointKind.PRISMATIC:
             aligned = (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ)
             general = pin.JointModelPrismaticUnaligned
+        case _:
+            raise unknown_kind(f"joint '{joint.name}'", joint.kind, "the model of the tree")
     for model, axis in zip(aligned, _AXES, strict=True):
         if np.array_equal(joint.axis, axis):
             return model()

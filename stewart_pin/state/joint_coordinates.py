@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import BALL, JointKind, loop_coordinates
 from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.state.scratch import PlacedJoints
@@ -182,8 +183,9 @@ class _Reader:
                 return _turn(a, b, rotation @ b)
             case "angle 2":
                 return _turn(b, rotation.T @ a, a)
-            case _:
+            case "angle":
                 return _turn(a, self.x, rotation @ self.x)
+        raise self._unknown()
 
     def gradient(self, apart: pin.SE3) -> tuple[FloatArray, FloatArray]:
         """(3,) and (3,) derivatives by the translation and the rotation of frame 2, in the axes of frame 1."""
@@ -205,9 +207,15 @@ class _Reader:
             case "angle 2":
                 # The rate of Rᵀ a is Rᵀ (a × ω), and the angle is counted from it.
                 return none, _cross(a, rotation @ _turned_by(b, rotation.T @ a))
-            case _:
+            case "angle":
                 turned = rotation @ self.x
                 return none, _cross(turned, _turned_by(a, turned))
+        raise self._unknown()
+
+    def _unknown(self) -> UnsupportedError:
+        return UnsupportedError(
+            f"nothing reads a coordinate '{self.coordinate}' of a joint; tell here what it is"
+        )
 
 
 def _turn(axis: FloatArray, before: FloatArray, after: FloatArray) -> float:

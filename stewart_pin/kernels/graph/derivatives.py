@@ -65,7 +65,7 @@ def configuration_chart(tree: Tree, q: ca.SX) -> ca.SX:
             case JointKind.FLOATING:
                 chart[joint.q, joint.v] = ca.diagcat(turn_from_quaternion(part[3:]), _body_turn(part[3:]))
             case _:
-                chart[joint.q, joint.v] = 1
+                chart[joint.q, joint.v] = ca.SX.eye(joint.v.stop - joint.v.start)
     return chart
 
 

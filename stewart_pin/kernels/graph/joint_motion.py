@@ -23,7 +23,7 @@ from stewart_pin.kernels.planning.spatial import (
     turning_matrix,
 )
 from stewart_pin.kernels.planning.tree import TreeJoint
-from stewart_pin.model.description import JointKind
+from stewart_pin.model.description import JointKind, unknown_kind
 
 JointPlacement = tuple[ca.SX, ca.SX]
 """(3, 3) rotation and (3, 1) translation of the child in the joint frame."""
@@ -232,8 +232,9 @@ def joint_velocity(joint: TreeJoint, rates: ca.SX) -> tuple[ca.SX, ca.SX]:
             return constant(joint.axis) * rates, zero
         case JointKind.SPHERICAL:
             return zero, rates
-        case _:
+        case JointKind.FLOATING:
             return rates[:3], rates[3:]
+    raise unknown_kind(f"joint '{joint.name}'", joint.kind, "the motion of joints in kernels")
 
 
 def joint_placement(joint: TreeJoint, q: ca.SX) -> JointPlacement:
@@ -258,8 +259,9 @@ def joint_placement(joint: TreeJoint, q: ca.SX) -> JointPlacement:
             return ca.SX.eye(3), constant(joint.axis) * q
         case JointKind.SPHERICAL:
             return turn_from_quaternion(q), ca.SX.zeros(3)
-        case _:
+        case JointKind.FLOATING:
             return turn_from_quaternion(q[3:]), q[:3]
+    raise unknown_kind(f"joint '{joint.name}'", joint.kind, "the motion of joints in kernels")
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -456,8 +458,9 @@ def joint_effort(joint: TreeJoint, force: ca.SX, moment: ca.SX) -> ca.SX:
             return constant(joint.axis).T @ force
         case JointKind.SPHERICAL:
             return moment
-        case _:
+        case JointKind.FLOATING:
             return ca.vertcat(force, moment)
+    raise unknown_kind(f"joint '{joint.name}'", joint.kind, "the motion of joints in kernels")
 
 
 def moments_of(arm: ca.SX, forces: ca.SX) -> ca.SX:

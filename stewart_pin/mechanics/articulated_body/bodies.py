@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from stewart_pin.model.description import Joint, JointKind
+from stewart_pin.model.description import Joint, JointKind, unknown_kind
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray
 
@@ -223,8 +223,9 @@ def motion_subspace(joint: Joint) -> FloatArray:
             return np.vstack([one, none])
         case JointKind.FLOATING:
             return np.block([[none, one], [one, none]])
-        case _:
+        case JointKind.FIXED:
             return np.zeros((6, 0))
+    raise unknown_kind(f"joint '{joint.name}'", joint.kind, "the articulated-body algorithm")
 
 
 def joint_motion(joint: Joint, values: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -255,5 +256,6 @@ def joint_motion(joint: Joint, values: FloatArray) -> tuple[FloatArray, FloatArr
             return Rotation.from_quat(values).as_matrix(), np.zeros(3)
         case JointKind.FLOATING:
             return Rotation.from_quat(values[3:]).as_matrix(), values[:3]
-        case _:
+        case JointKind.FIXED:
             return np.eye(3), np.zeros(3)
+    raise unknown_kind(f"joint '{joint.name}'", joint.kind, "the articulated-body algorithm")

@@ -20,7 +20,7 @@ from stewart_pin.mechanics.constraint_matrix.kinematics import (
     skew,
 )
 from stewart_pin.mechanics.constraint_matrix.topology import CompoundJoint
-from stewart_pin.model.description import JointKind, Loop
+from stewart_pin.model.description import JointKind, Loop, unknown_kind
 from stewart_pin.typing import FloatArray
 
 # ----------------------------------------------------------------------------------------------------
@@ -111,6 +111,8 @@ def transmitted(loop: Loop) -> tuple[Transmitted, ...]:
         JointKind.DISTANCE: (ForceBetween(loop.length),),
         JointKind.FIXED: (ForceAlong(x), ForceAlong(y), ForceAlong(z), twist, *held),
     }
+    if loop.kind not in by_kind:
+        raise unknown_kind(f"loop '{loop.name}'", loop.kind, "the system of maximal coordinates")
     return by_kind[loop.kind]
 
 

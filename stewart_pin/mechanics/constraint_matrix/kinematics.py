@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from stewart_pin.model.description import Joint, JointKind
+from stewart_pin.model.description import Joint, JointKind, unknown_kind
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
@@ -255,5 +255,6 @@ def _joint_transform(joint: Joint, values: FloatArray) -> tuple[FloatArray, Floa
             return Rotation.from_quat(values).as_matrix(), np.zeros(3), np.eye(6)[:, 3:]
         case JointKind.FLOATING:
             return Rotation.from_quat(values[3:]).as_matrix(), values[:3], np.eye(6)
-        case _:
+        case JointKind.FIXED:
             return one, np.zeros(3), np.zeros((6, 0))
+    raise unknown_kind(f"joint '{joint.name}'", joint.kind, "the system of maximal coordinates")

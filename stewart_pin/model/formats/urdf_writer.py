@@ -12,7 +12,16 @@ from lxml import etree
 
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY
 from stewart_pin.geometry.rotations import rpy_from_rotation
-from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Mechanism, Note, Outcome
+from stewart_pin.model.description import (
+    Bounds,
+    Joint,
+    JointKind,
+    Link,
+    Mechanism,
+    Note,
+    Outcome,
+    unknown_kind,
+)
 from stewart_pin.model.formats.dialect import COMPLETE, find_beside, write_files
 from stewart_pin.model.formats.urdf_elements import SIZE_ATTRIBUTES
 from stewart_pin.model.formats.xml import INERTIA_ENTRIES, UNLIMITED, number_text
@@ -241,7 +250,19 @@ def _write_link(robot: etree._Element, link: Link) -> None:
     etree.SubElement(inertial, "inertia", entries)
 
 
+_TREE = (
+    JointKind.FIXED,
+    JointKind.REVOLUTE,
+    JointKind.PRISMATIC,
+    JointKind.FLOATING,
+    JointKind.SPHERICAL,
+)
+"""Kinds of joints whose type, axis and limits are written."""
+
+
 def _write_joint(robot: etree._Element, joint: Joint) -> None:
+    if joint.kind not in _TREE:
+        raise unknown_kind(f"joint '{joint.name}'", joint.kind, "the writer of URDF")
     unlimited = joint.kind is JointKind.REVOLUTE and np.isinf([joint.lower, joint.upper]).all()
     element = etree.SubElement(
         robot, "joint", name=joint.name, type="continuous" if unlimited else str(joint.kind)

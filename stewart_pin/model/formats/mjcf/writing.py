@@ -26,7 +26,17 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
+from stewart_pin.model.description import (
+    Coupling,
+    Joint,
+    JointKind,
+    Link,
+    Loop,
+    Mechanism,
+    Note,
+    Outcome,
+    unknown_kind,
+)
 from stewart_pin.model.formats.dialect import note_lost_limits, write_files
 from stewart_pin.model.formats.mjcf.bodies import Body, place, plan_bodies, quaternion_text
 from stewart_pin.model.formats.mjcf.compiling import ASSEMBLED, HOME, PLATFORM, SPEED
@@ -244,6 +254,9 @@ def write_mjcf_file(
     UnsupportedError
         If MuJoCo cannot express a link, joint, loop, coupling or motor; names it and the remedy.
     """
+    for joint in mechanism.joints:
+        if joint.kind not in (*_TYPES, JointKind.FIXED, JointKind.FLOATING):
+            raise unknown_kind(f"joint '{joint.name}'", joint.kind, "the writer of MJCF")
     writer = _MjcfWriter(mechanism, motors, path.resolve().parent)
     root = writer.write(np.asarray(gravity, dtype=float))
     write_files({path: root})

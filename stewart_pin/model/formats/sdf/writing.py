@@ -36,6 +36,7 @@ from stewart_pin.model.description import (
     Note,
     Outcome,
     loop_coordinates,
+    unknown_kind,
 )
 from stewart_pin.model.formats.dialect import write_files
 from stewart_pin.model.formats.sdf.elements import OWN, OWN_LIMIT, OWN_PREFIX, SPANS, own
@@ -170,6 +171,8 @@ def _is_same(made: tuple[Joint, ...], joints: tuple[Joint, ...]) -> bool:
 
 
 def _of_tree(joint: Joint, values: FloatArray) -> _Placed:
+    if joint.kind not in _TYPES:
+        raise unknown_kind(f"joint '{joint.name}'", joint.kind, "the writer of SDFormat")
     one = pin.SE3.Identity()
     ball = (Bounds(position=(-np.inf, joint.swing)), Bounds(position=(-np.inf, joint.turn)))
     is_ball, has_axis = joint.kind is JointKind.SPHERICAL, joint.has_axis

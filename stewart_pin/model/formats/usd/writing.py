@@ -27,6 +27,7 @@ from stewart_pin.model.description import (
     Note,
     Outcome,
     loop_coordinates,
+    unknown_kind,
 )
 from stewart_pin.model.formats.dialect import write_files
 from stewart_pin.model.formats.usd.stage import (
@@ -94,6 +95,10 @@ class _UsdWriter:
 
     def write(self) -> str:
         geometry, physics, m = self.usd.UsdGeom, self.usd.UsdPhysics, self.mechanism
+        for what, parts in (("joint", m.joints), ("loop", m.loops)):
+            for part in parts:
+                if part.kind not in TYPES and part.kind not in FREE_DOFS:
+                    raise unknown_kind(f"{what} '{part.name}'", part.kind, "the writer of OpenUSD")
         geometry.SetStageUpAxis(self.stage, geometry.Tokens.z)
         geometry.SetStageMetersPerUnit(self.stage, 1.0)
         physics.SetStageKilogramsPerUnit(self.stage, 1.0)
