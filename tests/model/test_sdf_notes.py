@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.errors import FileFormatError, MechanismError
+from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import Outcome
 from tests.model.sdf_reading import read
 from tests.small_sdf import BODY, HOLD, joint, link, sdf, write
@@ -54,8 +54,15 @@ def test_a_link_without_inertial_weighs_one_kilogram(tmp_path: Path) -> None:
 def test_no_gravity_on_any_link_is_no_gravity(tmp_path: Path) -> None:
     light = BODY + "<gravity>false</gravity>"
     assert read(tmp_path, link("a", content=light)).gravity == (0, 0, 0)
-    with pytest.raises(FileFormatError, match=r"'a' has <gravity> off, and others have it on"):
-        read(tmp_path, link("a", content=light), link("b"))
+
+
+def test_gravity_off_on_some_links_is_left_out_aloud(tmp_path: Path) -> None:
+    mechanism = read(
+        tmp_path, link("a", content=BODY + "<gravity>0</gravity>"), link("b"), HOLD, joint("j", "a", "b")
+    )
+    told = [note for note in mechanism.notes if "<gravity> off" in note.text]
+    assert mechanism.gravity is None and [note.subject for note in told] == ["link 'a'"]
+    assert told[0].outcome is Outcome.IGNORED
 
 
 def test_inertia_of_no_real_body_is_kept_aloud(tmp_path: Path) -> None:

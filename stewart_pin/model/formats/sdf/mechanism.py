@@ -84,13 +84,13 @@ def read_sdf(path: Path) -> Mechanism:
     if not links:
         raise model.reader.error(f"{model.owner} has no <link>", model.owner)
     gravity = document.gravity
-    if weightless:
-        if len(weightless) < len(links):
-            raise model.reader.error(
-                f"link '{weightless[0]}' has <gravity> off, and others have it on; make them alike",
-                weightless[0],
-            )
+    if len(weightless) == len(links):
         gravity = (0.0, 0.0, 0.0)
+    else:  # a simulator's force against the weight of some links, as is ``gravcomp`` in MJCF
+        for name in weightless:
+            model.reader.note(
+                f"link '{name}'", "<gravity> off, others have it on: left out, the link has its weight"
+            )
     # A world may hold the robot by joints of its own.
     holders = scopes if document.world is None else [*scopes, document.world]
     joints = [joint for scope in holders for joint in _joints(scope)]
