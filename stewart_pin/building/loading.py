@@ -20,6 +20,7 @@ from stewart_pin.model.description import Joint, JointKind, Link, Mechanism
 from stewart_pin.model.formats.precision import Precision, printed_precision
 from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.formats.words import telling_strangers
+from stewart_pin.model.formats.xml import expanding_once
 from stewart_pin.model.roles import platform_candidates
 from stewart_pin.model.shapes import DRAWN
 from stewart_pin.model.tree import build_tree
@@ -92,16 +93,17 @@ def load(
     if not isinstance(loops, str | Path | None):
         raise InputError(f"loops must be a path, got {loops!r}")
     side_car = None if loops is None else Path(loops)
-    mechanism = _without_drawn(read_mechanism(find_robot(name_or_path), loops=side_car))
-    if odd_inertias:
-        mechanism = keep_odd_inertias(mechanism)
-    forgiven: float | Precision
-    if closure_tolerance is None and mechanism.digits is not None:
-        forgiven = Precision(*mechanism.digits)
-    elif closure_tolerance is None:
-        forgiven = printed_precision(Path(mechanism.source), side_car)
-    else:
-        forgiven = as_positive("closure_tolerance", closure_tolerance)
+    with expanding_once():
+        mechanism = _without_drawn(read_mechanism(find_robot(name_or_path), loops=side_car))
+        if odd_inertias:
+            mechanism = keep_odd_inertias(mechanism)
+        forgiven: float | Precision
+        if closure_tolerance is None and mechanism.digits is not None:
+            forgiven = Precision(*mechanism.digits)
+        elif closure_tolerance is None:
+            forgiven = printed_precision(Path(mechanism.source), side_car)
+        else:
+            forgiven = as_positive("closure_tolerance", closure_tolerance)
     with telling_strangers(mechanism.notes):
         return build_chain(mechanism, motors=motors, platform=platform, gravity=gravity, forgiven=forgiven)
 

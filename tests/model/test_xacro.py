@@ -38,6 +38,20 @@ def test_macros_properties_and_arguments(name: str, tmp_path: Path) -> None:
     assert inertia is not None and inertia.mass == 0.5 and inertia.lever[0] == 0.125
 
 
+def test_macros_are_written_out_once_for_one_load_and_again_for_the_next(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    xacro = pytest.importorskip("xacro")
+    calls: list[str] = []
+    process = xacro.process_file
+    monkeypatch.setattr(xacro, "process_file", lambda name: calls.append(name) or process(name))
+    path = write(tmp_path / "arm.xacro", BEAM, FAR, CALLS)
+    stp.load(path)
+    assert calls == [str(path)]
+    write(path, BEAM, FAR.replace("0.25", "0.75"), CALLS)
+    assert stp.load(path).mechanism.joint("turn_b").placement.translation[0] == 0.75
+
+
 @pytest.mark.parametrize("folder", ["arms", "src"])
 def test_included_files_stand_beside_or_in_the_package(folder: str, tmp_path: Path) -> None:
     pytest.importorskip("xacro")

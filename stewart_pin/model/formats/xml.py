@@ -10,7 +10,8 @@ import contextlib
 import io
 import re
 import threading
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ from stewart_pin.typing import FloatArray
 UNLIMITED = 1e30
 """Largest number that a file may hold; as a limit it stands for none (URDF cannot write infinity)."""
 
+_WRITTEN_OUT: ContextVar[dict[Path, str] | None] = ContextVar("written out", default=None)
+"""Texts of files whose macros xacro has written out; kept only within `expanding_once`."""
 _CODECS = ("utf-8", "ascii", "iso8859-1", "cp1252")
 _COMMENT = re.compile(r"<!\[CDATA\[.*?\]\]>|<!--.*?-->", re.DOTALL)
 _DECLARED = re.compile(rb"\s*<\?xml\s[^>]*?encoding\s*=\s*[\"']([^\"']*)[\"']")
@@ -61,7 +64,7 @@ def read_xml(path: Path) -> etree._Element:
         and any(shown_tag(element).startswith("xacro:") for element in root.iter(etree.Element))
     ):
         return root
-    expanded = _parse(path, _COMMENT.sub(_blank, _expand(path)))
+    expanded = _parse(path, _COMMENT.sub(_blank, _written_out(path)))
     if not len(expanded) and len(root):
         raise FileFormatError(
             "the file defines macros of xacro alone, and no robot; load the file that calls them",
@@ -69,6 +72,22 @@ def read_xml(path: Path) -> etree._Element:
             culprit=f"<{shown_tag(root)}>",
         )
     return expanded
+
+
+@contextlib.contextmanager
+def expanding_once() -> Iterator[None]:
+    """Let xacro write out the macros of a file once, however often the file is read within.
+
+    Yields
+    ------
+    None
+        While texts are kept.
+    """
+    token = _WRITTEN_OUT.set({})
+    try:
+        yield
+    finally:
+        _WRITTEN_OUT.reset(token)
 
 
 def _parse(path: Path, text: str) -> etree._Element:
@@ -108,6 +127,16 @@ _XACRO = threading.Lock()
 """The package keeps the file that it works on in variables of its own."""
 _UPWARD = 8
 """Folders above a file that may hold, or be, the package that a file of xacro refers to."""
+
+
+def _written_out(path: Path) -> str:
+    """Text of a file without macros, from `expanding_once` where it was written out before."""
+    kept = _WRITTEN_OUT.get()
+    if kept is None:
+        return _expand(path)
+    if path not in kept:
+        kept[path] = _expand(path)
+    return kept[path]
 
 
 def _names_package(folder: Path, package: str) -> bool:
