@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,19 @@ def test_the_platform_of_the_forward_kinematics_example() -> None:
 def test_every_robot_says_where_its_numbers_come_from(name: str) -> None:
     source = urdf_root() / name / "SOURCE.md"
     assert source.is_file() and Path(source).read_text().startswith(f"# {name}")
+
+
+@pytest.mark.parametrize("name", stp.robots())
+def test_every_robot_has_real_bodies_and_nothing_to_note(name: str) -> None:
+    chain = stp.load(name, odd_inertias=False)
+    assert all(note.text == "read as URDF+" for note in chain.report.notes), chain.report
+
+
+def test_every_robot_is_listed() -> None:
+    told = (urdf_root() / "README.md").read_text("utf-8")
+    rows = [line.split("|")[1] for line in told.splitlines() if line.startswith("| `")]
+    assert sorted(re.findall(r"`(\w+)`", "".join(rows))) == sorted(stp.robots())
+    assert f"| {len(stp.robots())} robots" in (urdf_root().parent / "README.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize("name", ["stewart", "stewart_sps", "stewart_cad", "stewart_s1"])
