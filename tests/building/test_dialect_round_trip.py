@@ -225,7 +225,7 @@ def test_a_moving_world_is_refused_by_drake(tmp_path: Path) -> None:
 def test_a_path_that_cannot_be_written_is_named(format: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="path: cannot write"):
         stp.export(four_bar(), tmp_path / "none" / "a.urdf", format=format)
-    with pytest.raises(InputError, match=r"format must be one of drake, gepetto, isaac, mjcf, .*urdf"):
+    with pytest.raises(InputError, match=f"format must be one of .*{format}.*, got 'step'"):
         stp.export(four_bar(), tmp_path / "a.urdf", format="step")
 
 

@@ -14,12 +14,13 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import Link, Outcome, Report
+from stewart_pin.model.formats.dialect import dialects
 from stewart_pin.model.shapes import Material, MaterialNames, Shape, ShapeKind, rounded_as_three
 from tests.small_sdf import BODY, sdf
 from tests.small_sdf import joint as sdf_joint
 from tests.small_urdf import ARM, INERTIAL, bundled, joint, link, robot, write
 
-DIALECTS = ("urdf+", "drake", "isaac", "gepetto")
+DIALECTS = [dialect.name for dialect in dialects() if dialect.write is not None]
 PLACED = '<origin xyz="0.1 -0.2 0.3" rpy="0.4 -0.5 0.6"/>'
 STL = struct.pack("<80sI", b"", 2) + b"".join(
     struct.pack("<12fH", 0, 0, 1, 0, 0, z, 1, 0, z, 0, 1, z, 0) for z in (0, 1)

@@ -19,7 +19,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
-from stewart_pin.errors import UnsupportedError
+from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.model.description import LOOP_KINDS, Bounds, Coupling, JointKind, Link, Mechanism
 from stewart_pin.model.shapes import Shape, ShapeKind
 from stewart_pin.model.validation import keep_odd_inertias
@@ -232,6 +232,14 @@ def test_nothing_is_lost_in_silence(format: str) -> None:
     for name, found in answers.items():
         (line,) = (line for line in lines if line.startswith(f"| {name} |"))
         assert line.split("|")[2 + list(FORMATS).index(format)].strip() == found, (name, found)
+
+
+def test_every_format_is_asked() -> None:
+    with pytest.raises(InputError, match="format must be one of") as caught:
+        stp.export(four_bar(), "a.urdf", format="")
+    known = str(caught.value).partition("one of ")[2].partition(", got")[0].split(", ")
+    assert sorted(FORMATS) == sorted(known)
+    assert [name for name in known if f'``"{name}"``' not in str(stp.export.__doc__)] == []
 
 
 def table() -> str:

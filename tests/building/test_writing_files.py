@@ -11,9 +11,10 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import FileFormatError, InputError
+from stewart_pin.model.formats.dialect import dialects
 from tests.mechanisms import four_bar
 
-FORMATS = ("urdf+", "drake", "isaac", "gepetto", "sdf", "mjcf")
+FORMATS = (*(dialect.name for dialect in dialects() if dialect.write is not None), "sdf", "mjcf")
 END = {"sdf": ".sdf", "mjcf": ".xml"}
 
 
