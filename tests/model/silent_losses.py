@@ -39,6 +39,8 @@ class Mutant:
         The word that is misspelt, as it stands in the changed file; else empty.
     holder
         Type of the joint around it, or what stands for one; else empty.
+    without
+        Of what is moved: the file without it; else empty.
     """
 
     kind: str
@@ -46,6 +48,7 @@ class Mutant:
     text: str
     word: str = ""
     holder: str = ""
+    without: str = ""
 
 
 def path_of(element: etree._Element) -> str:
@@ -151,12 +154,13 @@ class _Maker:
         homes = [e for e in self.root.iter(etree.Element) if shown_tag(e) == shown_tag(parent)]
         homes = [e for e in homes if e is not parent and e not in inside]
         above = parent.getparent()
+        parent.remove(element)
+        without = self.text()
         for home in [*homes[:1], *([] if above is None else [above])]:
             home.append(element)
-            yield Mutant("move", place, self.text())
-        parent.insert(at, element)
-        parent.remove(element)
-        yield Mutant("remove", place, self.text())
+            yield Mutant("move", place, self.text(), without=without)
+            home.remove(element)
+        yield Mutant("remove", place, without)
         parent.insert(at, element)
 
 
@@ -267,7 +271,8 @@ def fate(mutant: Mutant, reader: Reader, before: tuple[object, tuple[object, ...
             return "told"
     if told != before[0]:
         return "changed in silence" if mutant.kind == "rename" else "changed"
-    return "lost"
+    # What may as well be absent was the default, wherever it stands.
+    return "changed" if mutant.without and reader.read(mutant.without) == before else "lost"
 
 
 BAD = (
