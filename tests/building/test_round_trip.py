@@ -243,3 +243,12 @@ def test_a_path_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     for path in (tmp_path / "none" / "a.urdf", tmp_path):
         with pytest.raises(InputError, match="path: cannot write"):
             stp.write_urdf(stp.load("stewart"), path)
+
+
+@pytest.mark.parametrize("kind", ["velocity", "acceleration", "jerk"])
+def test_limits_to_one_side(kind: str, tmp_path: Path) -> None:
+    """Of joints of the tree and of those that close loops; a greatest value alone holds to both sides in a file."""
+    limits = {"leg1_pin": {kind: (None, 3.0)}, "leg2_pin": {kind: (-2.0, None)}, "leg1": {kind: (None, 3.0)}}
+    chain = stp.with_limits(stp.load("rpr_planar"), limits)
+    again = there_and_back(chain, tmp_path)
+    np.testing.assert_array_equal(getattr(again.limits, kind), getattr(chain.limits, kind))

@@ -320,6 +320,15 @@ def _further(bounds: Bounds) -> dict[str, float]:
 
 
 def _write_stated(owner: etree._Element, limits: dict[str, float], **attributes: str) -> None:
-    finite = {key: number_text([value]) for key, value in limits.items() if np.isfinite(value)}
-    if finite:
-        etree.SubElement(owner, "limit", {**attributes, **finite})
+    def is_told(key: str) -> bool:
+        # Without a least value the other would hold to both sides.
+        both = limits.get(key.removeprefix("least_"), np.inf)
+        return bool(np.isfinite(limits[key]) or (key.startswith("least_") and np.isfinite(both)))
+
+    told = {
+        key: number_text([np.clip(value, -UNLIMITED, UNLIMITED)])
+        for key, value in limits.items()
+        if is_told(key)
+    }
+    if told:
+        etree.SubElement(owner, "limit", {**attributes, **told})
