@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
+from stewart_pin.kernels.graph.verbs import VERBS
 from tests.kernels.everywhere import COORDINATES, Coordinates, Mechanism, examine
 from tests.zoo.table import REFUSED, ROBOTS
 
@@ -78,6 +79,7 @@ def test_shapes_for_one_motor(name: str, coordinates: Coordinates) -> None:
         shapes |= {"inverse_kinematics": (1,), "motor_jacobian": (1, 6), "forward_kinematics": (7,)}
         given |= dict.fromkeys(("inverse_kinematics", "motor_jacobian"), (place,))
         given["forward_kinematics"] = (chain.q_home[chain.motor_q_index], pose)
+    assert set(VERBS) & set(kernels.names) <= set(shapes)
     for verb, shape in shapes.items():
         inputs = given.get(verb, (place, still, still))
         for many in (None, 1, 3):
