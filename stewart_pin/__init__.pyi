@@ -73,5 +73,6 @@ from .state.state import State as State
 from .studies.comparison import compare_methods as compare_methods
 from .studies.demand_sweep import sweep_demand as sweep_demand
 from .studies.sweep import sweep as sweep
+from .viewer.view import view as view
 
 __version__: str

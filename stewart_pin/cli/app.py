@@ -9,6 +9,7 @@ from stewart_pin.cli.inspect import inspect
 from stewart_pin.cli.modes import modes
 from stewart_pin.cli.simulate import shake, simulate
 from stewart_pin.cli.sweep import compare, sweep
+from stewart_pin.cli.view import view
 
 app = typer.Typer(
     name="stewart_pin",
@@ -18,5 +19,5 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (compare, inspect, modes, capability, singularity, simulate, shake, sweep):
+for command in (compare, inspect, modes, capability, singularity, simulate, shake, sweep, view):
     app.command()(command)

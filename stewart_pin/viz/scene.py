@@ -14,7 +14,7 @@ from lxml import etree
 
 from stewart_pin.building.drawn_shapes import body_points, hinge_reach, off_centre
 from stewart_pin.errors import FileFormatError, FileMissingError, InputError, MissingExtraError
-from stewart_pin.model.description import Joint, JointKind
+from stewart_pin.model.description import JointKind
 from stewart_pin.model.formats.xml import read_xml
 from stewart_pin.model.shapes import DRAWN
 from stewart_pin.model.tree import link_frame
@@ -56,7 +56,7 @@ def plot_chain(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
     rows = np.asarray(q) if many else [chain.q_home if q is None else q]
     if len(rows) == 0:
         raise InputError("q holds no configuration, there is nothing to draw")
-    shown = [_frames(chain, as_configuration(chain, "q", row)) for row in rows]
+    shown = [link_placements(chain, as_configuration(chain, "q", row)) for row in rows]
     across = min(_ACROSS, len(shown))
     down = -(-len(shown) // across)
     figure = new_figure(*((3.2 * across, 3.0 * down + 0.4) if many else (6.4, 6.0)))
@@ -71,13 +71,6 @@ def plot_chain(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
     unique = dict(zip(labels, handles, strict=True))
     figure.legend(unique.values(), unique.keys(), loc="outside lower center", ncols=6, frameon=False)
     return figure
-
-
-def _frames(chain: ClosedChain, q: Configuration) -> dict[str, pin.SE3]:
-    """Where the links of a configuration stand."""
-    data = pin.Data(chain.model)
-    pin.framesForwardKinematics(chain.model, data, q)
-    return {link.name: data.oMf[link_frame(chain.model, link.name)] for link in chain.mechanism.links}
 
 
 def _points(chain: ClosedChain, frames: dict[str, pin.SE3]) -> FloatArray:
@@ -244,17 +237,76 @@ def build_scene(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
     scene, dressed = _visuals(chain.mechanism.source)
     if scene is None:
         scene = trimesh.Scene(base_frame=_WORLD)
+    points = body_points(chain)
+    for link, placement in link_placements(chain, q).items():
+        scene.graph.update(frame_to=link, frame_from=_WORLD, matrix=placement.homogeneous)
+        if link not in dressed:
+            shapes = [*_body_shapes(chain, link, points[link]), *_joint_shapes(chain, q, link)]
+            for k, shape in enumerate(shapes):
+                name = f"{link} shape {k + 1}"
+                scene.add_geometry(shape, node_name=name, geom_name=name, parent_node_name=link)
+    return scene
+
+
+def link_surfaces(chain: ClosedChain) -> dict[str, list[Any]]:
+    """Collect the surfaces of every link, which move with it: visuals of the file, or simple shapes.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    dict
+        ``{link: list of trimesh.Trimesh}`` in the link frame [m]; without marks of joints.
+
+    Raises
+    ------
+    MissingExtraError
+        If yourdfpy (with trimesh) is not installed.
+    FileMissingError, FileFormatError
+        As `build_scene`.
+    """
+    try:
+        import trimesh  # noqa: F401, PLC0415 - optional and slow
+    except ImportError:
+        raise MissingExtraError("yourdfpy", "scene") from None
+    scene, dressed = _visuals(chain.mechanism.source)
+    points = body_points(chain)
+    found: dict[str, list[Any]] = {}
+    for link in (link.name for link in chain.mechanism.links):
+        found[link] = [] if link in dressed else _body_shapes(chain, link, points[link])
+    if scene is None:
+        return found
+    for node in scene.graph.nodes_geometry:
+        placement, name = scene.graph[node]
+        mesh = scene.geometry[name].copy()
+        mesh.apply_transform(placement)
+        # Links stand at the world there; the one that carries a visual is on the way from the world to it.
+        way = scene.graph.transforms.shortest_path(_WORLD, node)
+        found[next(step for step in way if step in dressed)].append(mesh)
+    return found
+
+
+def link_placements(chain: ClosedChain, q: Configuration) -> dict[str, pin.SE3]:
+    """Place the links of a configuration.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration, loops closed or open [m, rad, unit quaternions].
+
+    Returns
+    -------
+    dict
+        ``{link: placement in the world}``.
+    """
     data = pin.Data(chain.model)
     pin.framesForwardKinematics(chain.model, data, q)
-    points = body_points(chain)
-    for link in chain.mechanism.links:
-        placement = data.oMf[link_frame(chain.model, link.name)].homogeneous
-        scene.graph.update(frame_to=link.name, frame_from=_WORLD, matrix=placement)
-        if link.name not in dressed:
-            for k, shape in enumerate(_simple_shapes(chain, q, link.name, points[link.name])):
-                name = f"{link.name} shape {k + 1}"
-                scene.add_geometry(shape, node_name=name, geom_name=name, parent_node_name=link.name)
-    return scene
+    return {link.name: data.oMf[link_frame(chain.model, link.name)] for link in chain.mechanism.links}
 
 
 def _visuals(source: str) -> tuple[Any, set[str]]:
@@ -314,11 +366,11 @@ def _is_own(visual: etree._Element) -> bool:
     return not (visual.get("name") or "").startswith(DRAWN)
 
 
-def _simple_shapes(chain: ClosedChain, q: Configuration, link: str, points: FloatArray) -> list[Any]:
-    """Shapes through a link's points, in the link frame: a plate through many, a rod between two; and its joint."""
+def _body_shapes(chain: ClosedChain, link: str, points: FloatArray) -> list[Any]:
+    """Shapes through a link's points, in the link frame: a plate through many, a rod between two."""
     import trimesh  # noqa: PLC0415 - optional and slow
 
-    thick = _THIN * chain.length_scale
+    thick = mark_size(chain)
     colour = (
         _GROUND_FACE
         if link == chain.mechanism.root
@@ -335,16 +387,33 @@ def _simple_shapes(chain: ClosedChain, q: Configuration, link: str, points: Floa
         shapes.append(_rod_to_centre(chain, link, points[0], thick))
     for shape in shapes:
         shape.visual.face_colors = colour
-    joint = next((joint for joint in chain.mechanism.joints if joint.child == link), None)
-    if joint is not None and joint.has_axis:
-        shapes += _joint_shape(chain, q, joint, thick)
     return shapes
 
 
-def _joint_shape(chain: ClosedChain, q: Configuration, joint: Joint, thick: float) -> list[Any]:
-    """Make a ball where a motor turns, a thin rod back to the parent along a slide; red where a motor drives it."""
+def mark_size(chain: ClosedChain) -> float:
+    """Tell how thick simple shapes are.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    float
+        Thickness [m].
+    """
+    return _THIN * chain.length_scale
+
+
+def _joint_shapes(chain: ClosedChain, q: Configuration, link: str) -> list[Any]:
+    """Make a ball where a motor turns a link, a thin rod back along a slide; red where a motor drives it."""
     import trimesh  # noqa: PLC0415 - optional and slow
 
+    joint = next((joint for joint in chain.mechanism.joints if joint.child == link), None)
+    if joint is None or not joint.has_axis:
+        return []
+    thick = mark_size(chain)
     driven = joint.name in chain.motors
     shape: Any
     if joint.kind is JointKind.REVOLUTE:

@@ -1,0 +1,1 @@
+"""A page in the browser, to look at robots and to move them by hand."""
