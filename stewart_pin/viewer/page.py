@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import threading
+import time as clock
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -23,11 +24,15 @@ from stewart_pin.state.state import State
 from stewart_pin.typing import FloatArray
 from stewart_pin.viewer.picture import Colouring, Picture
 from stewart_pin.viewer.readings import Readings, read_state
+from stewart_pin.viewer.recording import Recording
 from stewart_pin.viewer.steering import Grip, Hand, Step, move_joint, move_platform, random_reachable
 
 _NAMES = dict(zip(TWIST_AXES, ("x", "y", "z", "roll", "pitch", "yaw"), strict=True))
 _MOST_JOINTS = 40
 """Sliders of passive joints; a list that is longer helps nobody."""
+_SPEEDS = {"0.1 ×": 0.1, "0.25 ×": 0.25, "0.5 ×": 0.5, "1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0}
+_TICK = 0.02
+"""Pause between two instants of a motion that is played [s]."""
 _FORMATS = {"URDF": ".urdf", "MJCF": ".xml", "SDFormat": ".sdf"}
 
 
@@ -61,11 +66,13 @@ class Page:
     server
         viser server.
     chain
-        Closed chain to begin with; None: the first of the bundled robots, and a menu of them.
+        Closed chain to begin with; None: one of the bundled robots, and a menu of them.
+    recording
+        Motion of it to be played, or None.
     """
 
-    def __init__(self, server: Any, chain: ClosedChain | None) -> None:
-        self.server = server
+    def __init__(self, server: Any, chain: ClosedChain | None, recording: Recording | None = None) -> None:
+        self.server, self._recording = server, recording
         self._requests: OrderedDict[str, Callable[[], Step | None]] = OrderedDict()
         self._wake = threading.Condition()
         self._busy = self._ended = False
@@ -74,6 +81,8 @@ class Page:
         self._put_up(load("stewart") if chain is None else chain)
         self._thread = threading.Thread(target=self._work, name="stewart_pin viewer", daemon=True)
         self._thread.start()
+        if recording is not None:
+            threading.Thread(target=self._play, name="stewart_pin player", daemon=True).start()
 
     # -- what is asked for ----------------------------------------------------------------------------------------
 
@@ -146,6 +155,7 @@ class Page:
             self._picture = Picture(server, chain)
             self._sliders: dict[str, tuple[Any, Grip]] = {}
             self._build_roles()
+            self._build_motion()
             self._build_platform()
             self._build_sliders("Motors", self.hand.motors, expand=True)
             self._build_sliders("Passive joints", self.hand.joints[:_MOST_JOINTS], expand=not chain.nu)
@@ -181,15 +191,59 @@ class Page:
         buttons.on_click(lambda event: self.ask("button", lambda: self._go(event.target.value)))
         self._message = gui.add_markdown("")
         self._colouring = gui.add_dropdown("Motors show", get_args(Colouring), initial_value="force")
-        self._colouring.on_update(
-            lambda event: event.client and self.ask("colour", lambda: Step(self.shown.state, self.shown.said))
-        )
+        self._colouring.on_update(lambda event: event.client and self.ask("colour", self._same))
+
+    def _same(self) -> Step:
+        moving = self.shown.readings.moving
+        efforts = np.array([motor.effort for motor in self.shown.readings.motors]) if moving else None
+        return Step(self.shown.state, self.shown.said, efforts)
 
     def _load(self, name: str) -> None:
         self._put_up(load(name))
 
     def _go(self, where: str) -> Step:
         return Step(self.chain.home_state()) if where == "home" else random_reachable(self.hand, self._rng)
+
+    def _build_motion(self) -> None:
+        """Put up the controls of a recording: play, time, speed, and whether it begins again."""
+        if self._recording is None:
+            return
+        gui, times = self.server.gui, self._recording.time
+        with gui.add_folder("Motion"):
+            self._playing = gui.add_checkbox("play", initial_value=False)
+            begin, end = float(times[0]), float(times[-1])
+            self._time = gui.add_slider(
+                "time [s]", min=begin, max=max(end, begin + 1e-3), step=1e-3, initial_value=begin
+            )
+            self._speed = gui.add_dropdown("speed", tuple(_SPEEDS), initial_value="1 ×")
+            self._again = gui.add_checkbox("again and again", initial_value=True)
+        self._time.on_update(
+            lambda event: event.client and self.ask("time", lambda: self._at(self._time.value))
+        )
+
+    def _at(self, time: float) -> Step:
+        assert self._recording is not None
+        k = self._recording.at(time)
+        state = State(self.chain, self._recording.q[k], self._recording.v[k])
+        return Step(state, tau_motor=self._recording.tau_motor[k])
+
+    def _play(self) -> None:
+        """Let time pass while the box is ticked; what cannot be shown in time is left out."""
+        assert self._recording is not None
+        begin, end = float(self._recording.time[0]), float(self._recording.time[-1])
+        before = clock.monotonic()
+        while not self._ended:
+            clock.sleep(_TICK)
+            now = clock.monotonic()
+            passed, before = now - before, now
+            if not self._playing.value:
+                continue
+            time = self._time.value + passed * _SPEEDS[self._speed.value]
+            if time > end:
+                time = begin if self._again.value else end
+                self._playing.value = bool(self._again.value)
+            self._time.value = time
+            self.ask("time", lambda time=time: self._at(time))
 
     def _build_platform(self) -> None:
         grips = self.hand.platform
@@ -291,7 +345,7 @@ class Page:
     # -- from answers to the page ---------------------------------------------------------------------------------
 
     def _show(self, step: Step) -> None:
-        readings = read_state(step.state)
+        readings = read_state(step.state, step.tau_motor)
         self.shown = Shown(step.state, readings, step.said)
         with self.server.atomic():
             self._picture.show(step.state, readings, self._colouring.value)
@@ -348,8 +402,15 @@ def readings_table(readings: Readings) -> str:
         where = f"{motor.position:.4f} m" if motor.is_length else f"{np.degrees(motor.position):.2f}°"
         effort = "–" if np.isnan(motor.effort) else f"{motor.effort:.4g} {'N' if motor.is_length else 'N m'}"
         left = "–" if np.isnan(motor.stroke_left) else f"{100 * motor.stroke_left:.0f} %"
-        rows.append((html.escape(motor.name), where, effort, left))
-    head = "".join(f"<th align=left>{x}</th>" for x in ("motor", "position", "effort at rest", "stroke left"))
+        cells = [html.escape(motor.name), where, effort, left]
+        if readings.moving:
+            rate = f"{motor.rate:+.3f} m/s" if motor.is_length else f"{np.degrees(motor.rate):+.1f} °/s"
+            cells.insert(2, rate)
+        rows.append(cells)
+    heads = ["motor", "position", "effort at rest", "stroke left"]
+    if readings.moving:
+        heads[2:3] = ["rate", "effort"]
+    head = "".join(f"<th align=left>{x}</th>" for x in heads)
     body = "".join("<tr>" + "".join(f"<td>{x}</td>" for x in row) + "</tr>" for row in rows)
     facts = []
     if np.isfinite(readings.condition):

@@ -54,7 +54,7 @@ class Picture:
                 turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), joint.axis)
                 rod = server.scene.add_cylinder(
                     node,
-                    radius=thick * (0.4 if driven else 0.2),
+                    radius=thick * (0.55 if driven else 0.2),
                     height=1.0,
                     color=tuple(_PLAIN),
                     wxyz=_wxyz(turn),

@@ -11,6 +11,7 @@ from stewart_pin.errors import StewartPinError
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.singularity import MEANING, SingularityKind, classify_singularity
 from stewart_pin.state.state import State
+from stewart_pin.typing import FloatArray
 
 
 @dataclass(frozen=True)
@@ -23,10 +24,12 @@ class MotorReading:
         Its joint.
     position
         Its coordinate [m or rad].
+    rate
+        Rate of that [m/s or rad/s].
     is_length
-        Whether that is a length.
+        Whether it is a length.
     effort
-        What holds the robot at rest, nan where nothing does [N or N m].
+        What holds the robot at rest, or moves it as it is moved; nan where nothing does [N or N m].
     stroke_left
         Share of its range to the nearer limit, 0 at a limit and 0.5 in the middle; nan without limits.
     effort_share
@@ -35,6 +38,7 @@ class MotorReading:
 
     name: str
     position: float
+    rate: float
     is_length: bool
     effort: float
     stroke_left: float
@@ -51,6 +55,8 @@ class Readings:
         Platform frame in the world, or None without a platform.
     motors
         In the order of ``chain.motors``.
+    moving
+        Whether it is an instant of a motion.
     condition
         Condition number of the map from platform twists to motor rates, nan where there is none.
     nearest, distance
@@ -63,6 +69,7 @@ class Readings:
 
     pose: pin.SE3 | None
     motors: tuple[MotorReading, ...]
+    moving: bool
     condition: float
     nearest: str
     distance: float
@@ -70,13 +77,15 @@ class Readings:
     missing: str
 
 
-def read_state(state: State) -> Readings:
-    """Compute what is shown of a state at rest.
+def read_state(state: State, tau_motor: FloatArray | None = None) -> Readings:
+    """Compute what is shown of a state.
 
     Parameters
     ----------
     state
-        Loops closed; its velocity does not count.
+        Loops closed.
+    tau_motor
+        (nu,) efforts that move it; default: those that hold it at rest [N or N m].
 
     Returns
     -------
@@ -86,7 +95,9 @@ def read_state(state: State) -> Readings:
     chain = state.chain
     rest = State(chain, state.q)
     efforts, missing = np.full(chain.nu, np.nan), ""
-    if chain.nu:
+    if tau_motor is not None:
+        efforts = tau_motor
+    elif chain.nu:
         try:
             efforts = inverse_dynamics(rest).tau_motor
         except StewartPinError as error:
@@ -107,6 +118,7 @@ def read_state(state: State) -> Readings:
         MotorReading(
             name,
             float(positions[k]),
+            float(state.v[chain.motor_index[k]]),
             not bool(chain.angle_mask[chain.motor_index[k]]),
             float(efforts[k]),
             _stroke_left(float(positions[k]), *map(float, limits[k])),
@@ -117,6 +129,7 @@ def read_state(state: State) -> Readings:
     return Readings(
         pose=None if chain.platform is None else rest.pose,
         motors=motors,
+        moving=tau_motor is not None,
         condition=condition,
         nearest=nearest,
         distance=distance,

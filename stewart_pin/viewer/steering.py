@@ -44,10 +44,13 @@ class Step:
         The state reached; the one before, where the demand cannot be met.
     said
         What stands in the way, in words; empty where nothing does.
+    tau_motor
+        (nu,) efforts of a motion at this instant; None: it stands still [N or N m].
     """
 
     state: State
     said: str = ""
+    tau_motor: FloatArray | None = None
 
 
 @dataclass(frozen=True)

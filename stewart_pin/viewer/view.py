@@ -7,9 +7,11 @@ import time
 import webbrowser
 from typing import Any
 
+from stewart_pin.errors import InputError
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State, as_chain
 from stewart_pin.viewer.page import Page
+from stewart_pin.viewer.recording import Motion, record
 from stewart_pin.viewer.server import LOOPBACK, start_server, stop_server
 
 
@@ -72,6 +74,7 @@ class Viewer:
 def view(
     chain: ClosedChain | None = None,
     *,
+    motion: Motion | None = None,
     host: str = LOOPBACK,
     port: int | None = None,
     browser: bool = False,
@@ -86,6 +89,9 @@ def view(
     ----------
     chain
         Closed chain; default: the bundled robots, in a menu.
+    motion
+        What to play: a motion of the platform (as from `sinusoidal_motion` or `earthquake_motion`), a `MotorDemand`, or
+        a `Simulation`; with time, speed, rates and efforts of the motion.
     host
         Address to listen on. Default: this machine alone; another one lets anybody who reaches it steer the robot.
     port
@@ -103,14 +109,19 @@ def view(
     ------
     MissingExtraError
         If viser or yourdfpy is not installed.
+    ClosureError
+        If the chain cannot follow the motion.
     InputError
-        If the port is taken, or the address cannot be had.
+        If the motion is none, or one of another chain, the port is taken, or the address cannot be had.
     """
     if chain is not None:
         as_chain(chain)
+    elif motion is not None:
+        raise InputError("motion is one of a chain; pass view(chain, motion=motion)")
+    recording = None if chain is None or motion is None else record(chain, motion)
     server = start_server(host, port)
     try:
-        viewer = Viewer(Page(server, chain), host, server.get_port())
+        viewer = Viewer(Page(server, chain, recording), host, server.get_port())
     except BaseException:
         stop_server(server)
         raise

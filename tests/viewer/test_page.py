@@ -99,3 +99,51 @@ def test_every_robot_shows(robot):
             assert page.settle()
             assert page._message.content == "", page._message.content
         assert np.abs(stp.loop_gap(viewer.chain, viewer.state.q)).max(initial=0.0) < 1e-9
+
+
+def motion(chain: stp.ClosedChain, count: int = 40) -> stp.motions.PlatformSamples:
+    return stp.motions.sinusoidal_motion(
+        np.linspace(0.0, 1.0, count),
+        home=stp.platform_pose(chain, chain.q_home),
+    )
+
+
+def test_a_motion_is_played_with_its_efforts():
+    chain = stp.load("stewart")
+    samples = motion(chain)
+    demand = stp.motor_demand(chain, samples)
+    with stp.view(chain, motion=samples) as viewer:
+        page = viewer.page
+        page.ask("time", lambda: page._at(samples.time[13] + 1e-4))
+        assert page.settle()
+        np.testing.assert_allclose(viewer.state.pose.translation, samples.position[13], atol=1e-10)
+        shown = page.shown.readings
+        np.testing.assert_allclose([motor.effort for motor in shown.motors], demand.efforts[13], rtol=1e-9)
+        np.testing.assert_allclose([motor.rate for motor in shown.motors], demand.rates[13], atol=1e-9)
+        assert "rate" in page._table.content
+        page._speed.value = "5 ×"
+        page._again.value = False
+        page._playing.value = True
+        for _ in range(100):
+            if not page._playing.value:
+                break
+            threading.Event().wait(0.1)
+        assert not page._playing.value
+        assert page.settle()
+        np.testing.assert_allclose(viewer.state.pose.translation, samples.position[-1], atol=1e-9)
+
+
+def test_a_simulation_is_played():
+    chain = stp.load("four_bar")
+    run = stp.simulate(chain, chain.q_home, np.zeros(chain.nv), duration=0.05, dt=1e-3)
+    with stp.view(chain, motion=run) as viewer:
+        page = viewer.page
+        page.ask("time", lambda: page._at(0.05))
+        assert page.settle()
+        np.testing.assert_array_equal(viewer.state.q, run.q[-1])
+    with pytest.raises(stp.errors.InputError, match="pass view"):
+        stp.view(stp.load("stewart"), motion=run)
+    with pytest.raises(stp.errors.InputError, match="got list"):
+        stp.view(chain, motion=[1, 2])  # type: ignore[arg-type]
+    with pytest.raises(stp.errors.InputError, match="of a chain"):
+        stp.view(motion=run)
