@@ -348,3 +348,13 @@ def test_the_report_tells_which_inertia_was_moved(tmp_path: Path) -> None:
     plate = '<inertia ixx="0.2001" iyy="0.3001" izz="0.5003" ixy="0" ixz="0" iyz="0"/>'
     parts = [part.replace(INERTIAL, f'<inertial><mass value="1"/>{plate}</inertial>') for part in ARM]
     assert "moments were moved by 3.3e-05" in str(stp.load(write(tmp_path, robot(*parts))).report)
+
+
+def test_an_axis_may_have_an_rpy_of_zero_that_no_reader_reads(tmp_path: Path) -> None:
+    """Files have it; what turns the axis would be lost."""
+    parts = [link("base"), link("arm"), joint("j", "base", "arm", axis='<axis xyz="0 1 0" rpy="0 0 0"/>')]
+    chain = stp.load(write(tmp_path, robot(*parts)))
+    np.testing.assert_array_equal(chain.mechanism.joint("j").axis, [0, 1, 0])
+    turned = [part.replace('rpy="0 0 0"', 'rpy="0 0 1.5"') for part in parts]
+    with pytest.raises(FileFormatError, match=r"joint 'j': rpy of <axis> .* turns the axis"):
+        stp.load(write(tmp_path, robot(*turned)))

@@ -73,6 +73,7 @@ CORE = {
     ),
     "joint/parent": Words(("link",)),
     "joint/child": Words(("link",)),
+    "joint/axis": Words(("xyz",), (), {"@rpy": "zero alone: no reader of URDF turns an axis by it"}),
     "axis": Words(("xyz",)),
     "axis2": Words(("xyz",)),
     "limit": Words((*LIMITS, *CONES), elsewhere=_ELSEWHERE, strange=Strange.NOTED, told_by_reader=True),
@@ -213,6 +214,12 @@ class UrdfElements(ElementReader):
         axis = self.optional(element, tag, owner) if default else self.child(element, tag, owner)
         if axis is None:
             return self.parse(default, 3, owner, owner)
+        if axis.get("rpy") is not None and self.numbers(axis, "rpy", 3, owner).any():
+            raise self.error(
+                f"{owner}: rpy of <{tag}> (line {axis.sourceline}) turns the axis, which no reader of URDF does; turn "
+                "xyz, and take rpy off",
+                owner,
+            )
         return self.direction(self.text(axis, "xyz", owner), f"{owner}: <{tag} xyz>", owner)
 
     def direction(self, text: str, where: str, owner: str) -> FloatArray:
