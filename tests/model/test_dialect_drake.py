@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
+from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.formats.reading import read_urdf
 from tests.model.small_dialects import DRAKE_BALL, drake_joint, square
-from tests.small_urdf import AXIS_Z, link, robot, write
+from tests.small_urdf import AXIS_Z, joint, link, robot, write
 
 
 @pytest.mark.parametrize("declared", [True, False])
@@ -38,3 +39,18 @@ def test_drake_joints(tmp_path: Path, declared: bool) -> None:
 def test_drakes_constraints_between_two_bodies_are_numbered(tmp_path: Path) -> None:
     chain = stp.load(write(tmp_path, square(DRAKE_BALL, DRAKE_BALL.replace('"1 0 0"', '"1 0 0.1"'))))
     assert [each.name for each in chain.loops] == ["platform_rocker_ball_1", "platform_rocker_ball_2"]
+
+
+def test_links_without_a_parent_float_beside_drakes_world(tmp_path: Path) -> None:
+    held = (
+        '<drake:ball_constraint><drake:ball_constraint_body_A name="world"/>'
+        '<drake:ball_constraint_body_B name="body"/><drake:ball_constraint_p_AP value="0 0 0"/>'
+        '<drake:ball_constraint_p_BQ value="0 0 0"/></drake:ball_constraint>'
+    )
+    parts = (link("world", ""), link("body"), link("arm"), joint("turn", "body", "arm"))
+    chain = stp.load(write(tmp_path, robot(*parts, held)))
+    assert (chain.mechanism.joint("body_floats").kind, chain.nv) == (JointKind.FLOATING, 7)
+    assert stp.mobility(chain).dof == 4
+    assert "has no parent: floats in 'world', as in Drake (link 'body')" in str(chain.report)
+    with pytest.raises(MechanismError, match="links without a parent: body, world"):
+        stp.load(write(tmp_path, robot(*parts)))

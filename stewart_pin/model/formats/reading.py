@@ -12,10 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import FileFormatError, UnsupportedError
-from stewart_pin.model.description import Joint, Link, Mechanism, Note, Outcome
+from stewart_pin.model.description import Joint, JointKind, Link, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import (
     COMPLETE,
     Parts,
@@ -28,6 +29,7 @@ from stewart_pin.model.formats.dialect import (
     grammar,
     side_car_suffixes,
 )
+from stewart_pin.model.formats.mjcf.compiling import Names
 from stewart_pin.model.formats.mjcf.reading import read_mjcf
 from stewart_pin.model.formats.sdf import read_sdf
 from stewart_pin.model.formats.urdf_core import (
@@ -53,7 +55,7 @@ from stewart_pin.model.unfolding import cut_second_parents
 # ----------------------------------------------------------------------------------------------------
 
 
-_WORLD = "world"
+_WORLD, _DRAKE = "world", "drake"
 _VERSIONS = ("1.0", "1.1", "1.2")
 _MARKED = "motors are the joints marked independent"
 
@@ -217,6 +219,7 @@ class _UrdfReader(UrdfElements):
             odd_inertias=read_odd_inertias(self, links),
             notes=(*self.notes, *(note for part in parts for note in part.notes)),
         )
+        mechanism = self._floating(mechanism)
         for each in found:
             if each.parts.later is not None:
                 mechanism = add_parts(mechanism, each.parts.later(mechanism), each.title)
@@ -231,6 +234,27 @@ class _UrdfReader(UrdfElements):
             return ()
         self.note(f"link '{_WORLD}'", "joints hang on it, and it is not written: the ground", Outcome.CHANGED)
         return (Link(_WORLD),)
+
+    def _floating(self, mechanism: Mechanism) -> Mechanism:
+        """Let links without a parent float, in a file of Drake's that has its ``world`` besides: so does Drake."""
+        children = {joint.child for joint in mechanism.joints}
+        roots = [link.name for link in mechanism.links if link.name not in children]
+        of_drake = _DRAKE in self.root.nsmap or any(
+            shown_tag(element).startswith(f"{_DRAKE}:") for element in self.root.iter(etree.Element)
+        )
+        if _WORLD not in roots or len(roots) == 1 or not of_drake:
+            return mechanism
+        names = Names(joint.name for joint in mechanism.joints)
+        floating = tuple(
+            Joint(names.fresh(f"{name}_floats"), JointKind.FLOATING, _WORLD, name, pin.SE3.Identity())
+            for name in roots
+            if name != _WORLD
+        )
+        notes = tuple(
+            Note(f"link '{each.child}'", f"has no parent: floats in '{_WORLD}', as in Drake", Outcome.CHANGED)
+            for each in floating
+        )
+        return replace(mechanism, joints=mechanism.joints + floating, notes=mechanism.notes + notes)
 
     def _in_a_dialect(self, element: etree._Element, owner: str) -> list[_Found]:
         """Read a tag by the dialect that claims it; note it, or refuse it, where none does."""
