@@ -25,6 +25,7 @@ from tests.model.small_mjcf import (
 
 pytest.importorskip("mujoco")
 
+CLOTH = '<flexcomp type="grid" count="3 3 1" name="cloth" dim="2" radius="0.01"><edge equality="true"/></flexcomp>'
 REFUSED = {
     "another root": ("<mujocoinclude/>", "<mujocoinclude>"),
     "unknown tag": (mjcf(BOTH, "<springs/>"), "unrecognized element"),
@@ -33,7 +34,8 @@ REFUSED = {
     "two names": (mjcf(BOTH + BOTH), "repeated name 'arm'"),
     "not a number": (mjcf(BOTH.replace("0.5 0 0", "0 NaN 0")), r"pos of <body> \(line 1\) holds 'nan'"),
     "overflow": (mjcf(BOTH.replace("0.5 0 0", "0 1e40 0")), "'body_pos' that are not finite"),
-    "deformable": (mjcf('<flexcomp type="grid" count="3 3 1" name="cloth"/>'), "<flexcomp>.*deformable"),
+    "deformable": (mjcf(body("hand", hinge("j") + BALL + CLOTH)), "<flexcomp>.*deformable"),
+    "much cloth": (mjcf(BOTH + CLOTH.replace("3 3 1", "999 999 999")), "<flexcomp>.*few points"),
     "replicas": (mjcf(f'<replicate count="30000">{BOTH}</replicate>'), "more than 20000 elements"),
     "nested replicas": (
         mjcf(f'<replicate count="300"><replicate count="300">{BOTH}</replicate></replicate>'),
@@ -77,6 +79,20 @@ def test_included_files_are_searched_as_well(tmp_path: Path) -> None:
         read(tmp_path, BOTH, '<include file="part.xml"/>')
     write(tmp_path, f"<mujocoinclude>{BOTH}</mujocoinclude>", "part.xml")
     assert read(tmp_path, '<include file="part.xml"/>').link("hand").inertia is not None
+
+
+@pytest.mark.parametrize("held", [CLOTH, f'<body name="table" pos="0 0 1">{CLOTH}</body>'])
+def test_deformable_bodies_on_the_ground_are_left_out(tmp_path: Path, held: str) -> None:
+    found = read(tmp_path, BOTH + held)
+    assert "hangs on no link" in notes(found)
+    assert {j.name for j in found.joints} - {"table_fixed"} == {j.name for j in read(tmp_path, BOTH).joints}
+
+
+def test_deformable_bodies_of_attached_models_are_refused(tmp_path: Path) -> None:
+    write(tmp_path, mjcf(f'<body name="tool">{CLOTH}</body>'), "part.xml")
+    hand = body("hand", hinge("wrist") + '<frame><attach model="p" body="tool" prefix="a_"/></frame>' + BALL)
+    with pytest.raises(FileFormatError, match=r"<flexcomp>.*deformable"):
+        read(tmp_path, ARM % hand, '<asset><model name="p" file="part.xml"/></asset>')
 
 
 def test_warnings_of_the_compiler_are_in_the_report(tmp_path: Path) -> None:

@@ -54,7 +54,8 @@ def _mjcf() -> str:
     flexible = _listed(f"<{tag}>" for tag in compiling._DEFORMABLE)
     return (
         f"## MJCF\n\nOf MuJoCo's compiled model the mechanism is made of {used}. Left out before: {unused}. "
-        f"Refused, as no rigid bodies: {flexible}.\n\n{_table('words of our own in <custom>', 'meaning', own)}"
+        f"Refused, as no rigid bodies: {flexible}; a `<flexcomp>` that hangs on no link is left out.\n\n"
+        f"{_table('words of our own in <custom>', 'meaning', own)}"
     )
 
 

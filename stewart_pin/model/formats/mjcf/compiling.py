@@ -138,6 +138,8 @@ class Asides:
         Whether ``<text name="home" data="assembled">`` lets home stay where it is, whatever the limits say.
     strangers
         Names of texts and numbers that are none of these.
+    deformable
+        Names of deformable bodies on the ground, which are taken away: they meet the mechanism by contacts alone.
     """
 
     geoms: Mapping[int, GeomSource]
@@ -145,6 +147,7 @@ class Asides:
     speeds: Mapping[str, float | Span]
     assembled: bool = False
     strangers: tuple[str, ...] = ()
+    deformable: tuple[str, ...] = ()
 
 
 class AsideReader:
@@ -305,10 +308,12 @@ def compile_mjcf(path: Path) -> tuple[Any, Asides, tuple[str, ...]]:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             spec = mujoco.MjSpec.from_file(str(path))
+            deformable = _take_deformable(spec)
             asides = AsideReader(mujoco, spec)
             _strip(mujoco, spec)
             model = spec.compile()
-        return model, asides.read(), tuple(" ".join(str(warning.message).split()) for warning in caught)
+        told = replace(asides.read(), deformable=deformable)
+        return model, told, tuple(" ".join(str(warning.message).split()) for warning in caught)
     # Its exceptions have no base of their own: ValueError for what a file says, RuntimeError for what befell it.
     except (ValueError, RuntimeError, mujoco.FatalError, mujoco.UnexpectedError) as error:
         said = " ".join(str(error).replace("Element name '', ", "").split())
@@ -326,6 +331,21 @@ def _remedy(said: str) -> str:
         "; put the file where the model looks for it (meshes are opened only where a body takes its inertia from "
         "them: give it an <inertial>)"
     )
+
+
+def _take_deformable(spec: Any) -> tuple[str, ...]:
+    """Take away deformable bodies, with the bodies that MuJoCo made for their nodes; `_Guard` saw what they hang on."""
+    names: list[str] = []
+    for flex in list(spec.flexes):
+        names.append(flex.name)
+        nodes = sorted({*flex.vertbody, *flex.nodebody})
+        for equality in list(spec.equalities):
+            if "FLEX" in str(equality.type) and equality.name1 == flex.name:
+                spec.delete(equality)
+        spec.delete(flex)  # before its bodies: MuJoCo crashes in the other order
+        for node in nodes:
+            spec.delete(spec.body(node))
+    return tuple(names)
 
 
 def _strip(mujoco: Any, spec: Any) -> None:
@@ -376,6 +396,7 @@ class _Guard(ElementReader):
         super().__init__(path)
         self.folder = path.parent
         self.elements = 0
+        self.attached = 0  # models within which the reader is; their bodies may be hung on any link
 
     def run(self) -> None:
         root = read_xml(Path(self.path))
@@ -396,7 +417,9 @@ class _Guard(ElementReader):
             path = (folder / element.get("file", "")).resolve()
             # MuJoCo names missing files itself, and files that include themselves.
             if path.is_file() and path not in inside:
+                self.attached += element.tag == "model"
                 self._file(read_xml(path), count, (*inside, path))
+                self.attached -= element.tag == "model"
 
     def _elements(self, root: etree._Element, copies: int) -> Iterator[tuple[etree._Element, int]]:
         stack = [(root, copies)]
@@ -418,10 +441,13 @@ class _Guard(ElementReader):
     def _element(self, element: etree._Element) -> None:
         tag, line = shown_tag(element), element.sourceline
         if tag in _DEFORMABLE:
-            raise self.error(
-                f"<{tag}> (line {line}): deformable bodies are no links; remove it, or use a rigid body",
-                f"<{tag}>",
-            )
+            if tag == "flex" or self.attached or not _stands_on_the_ground(element):
+                raise self.error(
+                    f"<{tag}> (line {line}): deformable bodies are no links; remove it, or use a rigid body (a "
+                    "<flexcomp> of few points that hangs on no link is left out)",
+                    f"<{tag}>",
+                )
+            self.elements += _points(element)
         for name, value in element.attrib.items():
             if "nan" in value.lower().replace("+", "").replace("-", "").split():
                 raise self.error(
@@ -439,6 +465,32 @@ class _Guard(ElementReader):
                     f"<mesh builtin> (line {line}) has a resolution above {_MOST_FACETS}; make it coarser",
                     "<mesh>",
                 )
+
+
+def _stands_on_the_ground(element: etree._Element) -> bool:
+    """Tell whether a deformable body hangs on no body that moves, all of its points are its own, and are few."""
+    kind, pinned = element.get("type", "grid"), element.find("pin")
+    above = list(element.iterancestors("body"))
+    moving = {
+        next(each.iterancestors("body"), None)
+        for tag in ("joint", "freejoint")
+        for body in above
+        for each in body.iter(tag)
+    }
+    return (
+        next(element.iterancestors("worldbody"), None) is not None
+        and kind in ("grid", "box", "cylinder", "ellipsoid")
+        and element.get("dof", "full") != "rigid"
+        and element.get("rigid", "false") != "true"
+        and pinned is None
+        and not moving.intersection(above)
+        and _points(element) < _MOST_ELEMENTS
+    )
+
+
+def _points(element: etree._Element) -> int:
+    counts = (_magnitude(word) for word in element.get("count", "").split())
+    return int(min(np.prod([max(1.0, count) for count in counts]), _MOST_ELEMENTS))
 
 
 def _magnitude(text: str) -> float:

@@ -38,6 +38,7 @@ from stewart_pin.model.formats.xml import UNLIMITED
 # ----------------------------------------------------------------------------------------------------
 
 
+_DEFORMABLE = "left out: a deformable body that hangs on no link meets the mechanism by contacts alone"
 _FORCE = "left out, as a mechanism has no forces but those of gravity, inertia and motors"
 
 _ROTOR = "left out, as rotors are no bodies; simulate takes it for motors, as Motors(inertia=...)"
@@ -195,6 +196,7 @@ def read_mjcf(path: Path) -> Mechanism:
     off = import_mujoco().mjtDisableBit.mjDSBL_GRAVITY
     x, y, z = (0.0 if model.opt.disableflags & off else float(value) for value in model.opt.gravity)
     said = [Note("MuJoCo", f"warns: {text}") for text in warned]
+    said += [Note(f"flexcomp '{name}'", _DEFORMABLE) for name in asides.deformable]
     name = str(model.names[: model.names.index(b"\0")].decode("utf-8", "replace"))
     return Mechanism(
         name=name if name not in ("", "MuJoCo Model") else path.stem,
