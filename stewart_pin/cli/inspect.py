@@ -14,15 +14,21 @@ from stewart_pin.building.loading import find_robot, load, open_chain
 from stewart_pin.cli.output import console, write_json
 from stewart_pin.errors import MechanismError
 from stewart_pin.mechanics.mobility import Mobility, mobility
-from stewart_pin.model.description import JointKind, Mechanism, Report
+from stewart_pin.model.description import JointKind, Mechanism, Report, unknown_kind
 from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.loop_rows import closure_rows
 from stewart_pin.model.roles import motor_candidates, platform_candidates
 from stewart_pin.viz.figures import check_picture_path, save_figure
 from stewart_pin.viz.scene import plot_chain
 
-_FREEDOMS = {JointKind.REVOLUTE: 1, JointKind.PRISMATIC: 1, JointKind.SPHERICAL: 3, JointKind.FLOATING: 6}
-"""Of a joint of the tree; a fixed one has none."""
+_FREEDOMS = {
+    JointKind.FIXED: 0,
+    JointKind.REVOLUTE: 1,
+    JointKind.PRISMATIC: 1,
+    JointKind.SPHERICAL: 3,
+    JointKind.FLOATING: 6,
+}
+"""Of a joint of the tree."""
 _SHOWN = 12
 """Most sets of spare motors in the table; the file has all that were found."""
 
@@ -64,10 +70,34 @@ def inspect(
     write_json(json, figures | {"notes": [asdict(note) for note in chain.mechanism.notes]})
 
 
+def freedoms(mechanism: Mechanism) -> int:
+    """Count the freedoms of the joints of a tree.
+
+    Parameters
+    ----------
+    mechanism
+        What was read of a file.
+
+    Returns
+    -------
+    int
+        Their number, whatever loops take of them.
+
+    Raises
+    ------
+    UnsupportedError
+        If a joint is of another kind.
+    """
+    for joint in mechanism.joints:
+        if joint.kind not in _FREEDOMS:
+            raise unknown_kind(f"joint '{joint.name}'", joint.kind, "the count of freedoms")
+    return sum(_FREEDOMS[joint.kind] for joint in mechanism.joints)
+
+
 def _show_what_is_there(mechanism: Mechanism, json: Path | None, plot: Path | None) -> None:
     """Show what was read of a file that makes no chain; the error follows."""
     rows = {loop.name: len(closure_rows(loop)) for loop in mechanism.loops}
-    free = sum(_FREEDOMS.get(joint.kind, 0) for joint in mechanism.joints)
+    free = freedoms(mechanism)
     count = free - sum(rows.values()) - len(mechanism.couplings)
     motors = tuple(joint.name for joint in mechanism.joints if joint.independent)
     table = Table(title=f"{mechanism.name}: cannot be used as it is", show_header=False)

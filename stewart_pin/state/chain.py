@@ -10,7 +10,15 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import MissingRoleError
-from stewart_pin.model.description import Coupling, Loop, Mechanism, Note, Report
+from stewart_pin.model.description import (
+    Coupling,
+    JointKind,
+    Loop,
+    Mechanism,
+    Note,
+    Report,
+    unknown_kind,
+)
 from stewart_pin.model.leg_points import leg_points, leg_readings
 from stewart_pin.model.loop_table import LoopTable, build_loop_table, support
 from stewart_pin.model.roles import mark_motors, motor_candidates, platform_candidates
@@ -235,11 +243,17 @@ class ClosedChain:
     def angle_mask(self) -> np.ndarray:
         """(nv,) mask of the tangent entries that are angles, dimensionless."""
         lengths = np.zeros(self.nv, dtype=bool)
-        for joint in self.model.joints[1:]:
-            if "JointModelP" in joint.shortname() and joint.nv == 1:
-                lengths[joint.idx_v] = True
-            elif joint.nv == 6:
-                lengths[joint.idx_v : joint.idx_v + 3] = True
+        kinds = {joint.name: joint.kind for joint in self.mechanism.joints}
+        for name, joint in zip(self.model.names[1:], self.model.joints[1:], strict=True):
+            match kinds[name]:
+                case JointKind.REVOLUTE | JointKind.SPHERICAL:
+                    pass
+                case JointKind.PRISMATIC:
+                    lengths[joint.idx_v] = True
+                case JointKind.FLOATING:
+                    lengths[joint.idx_v : joint.idx_v + 3] = True
+                case kind:
+                    raise unknown_kind(f"joint '{name}'", kind, "the table of natural sizes")
         return ~lengths
 
     @cached_property

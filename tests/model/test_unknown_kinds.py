@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from stewart_pin.cli.inspect import freedoms
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.mechanics.articulated_body.bodies import joint_motion, motion_subspace
 from stewart_pin.mechanics.constraint_matrix.columns import transmitted
@@ -25,6 +26,7 @@ from stewart_pin.model.formats.usd.writing import write_usd
 from stewart_pin.model.loop_rows import closure_rows
 from stewart_pin.model.sizes import length_scale
 from stewart_pin.model.tree import build_tree
+from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.joint_coordinates import _Ball, _Reader
 
 
@@ -45,10 +47,18 @@ CLOSED = Mechanism(
     "a", BODIES, FREE, (LOOP,), home={name: np.array([0.0] * 6 + [1.0]) for name in ("one", "two")}
 )
 
+MODELLED: Any = SimpleNamespace(
+    mechanism=TREE,
+    nv=1,
+    model=SimpleNamespace(names=["universe", "thread"], joints=[None, pin.JointModelRX()]),
+)
+
 Ask = Callable[[Path], object]
 JOINTS: dict[str, Ask] = {
     "model": lambda _: build_tree(TREE, np.zeros(3)),
     "size": lambda _: length_scale(TREE),
+    "natural sizes": lambda _: ClosedChain.angle_mask.func(MODELLED),
+    "freedoms of a file": lambda _: freedoms(TREE),
     "twists of the articulated bodies": lambda _: motion_subspace(JOINT),
     "places of the articulated bodies": lambda _: joint_motion(JOINT, np.zeros(1)),
     "maximal coordinates": lambda _: _joint_transform(JOINT, np.zeros(1)),
