@@ -68,4 +68,14 @@ CLOSINGS = {
         "<drake:ball_constraint_p_BQ>0 0 0.5</drake:ball_constraint_p_BQ></drake:ball_constraint>",
         S,
     ),
+    "Drake's bushing": (
+        '<frame name="one" attached_to="coupler"><pose>0.5 0 0 0 0 0</pose></frame>'
+        '<frame name="two" attached_to="rocker"><pose>0 0 0.5 0 0 0</pose></frame>'
+        "<drake:linear_bushing_rpy><drake:bushing_frameA>one</drake:bushing_frameA>"
+        "<drake:bushing_frameC>two</drake:bushing_frameC>"
+        "<drake:bushing_torque_stiffness>5 0 5</drake:bushing_torque_stiffness>"
+        "<drake:bushing_torque_damping>1 1 1</drake:bushing_torque_damping>"
+        "<drake:bushing_force_stiffness>9 9 9</drake:bushing_force_stiffness></drake:linear_bushing_rpy>",
+        R,
+    ),
 }

@@ -29,6 +29,20 @@ DRAKE_BALL = (
     '<drake:ball_constraint_body_B name="rocker"/><drake:ball_constraint_p_AP value="1 0 0"/>'
     '<drake:ball_constraint_p_BQ value="1 0 0"/></drake:ball_constraint>'
 )
+
+
+def bushing(torque: str = "9 8 0", force: str = "1 2 3") -> str:
+    frames = "".join(
+        f'<frame name="{link}_pin" link="{link}" xyz="1 0 0"/>' for link in ("platform", "rocker")
+    )
+    return (
+        f'{frames}<drake:linear_bushing_rpy><drake:bushing_frameA name="platform_pin"/>'
+        f'<drake:bushing_frameC name="rocker_pin"/><drake:bushing_torque_stiffness value="{torque}"/>'
+        f'<drake:bushing_torque_damping value="1 1 1"/><drake:bushing_force_stiffness value="{force}"/>'
+        "</drake:linear_bushing_rpy>"
+    )
+
+
 BALLS = {
     "isaac": '<loop_joint name="pin" type="spherical"><link1 link="platform" rpy="0 0 0" xyz="1 0 0"/>'
     '<link1 link="rocker" rpy="0 0 0" xyz="1 0 0"/></loop_joint>',
@@ -36,10 +50,12 @@ BALLS = {
     '<link2 link="rocker" xyz="1 0 0"/></loop_joint>',
     "fusion": f'<loop_joint name="pin" type="spherical">{ENDS}{TIPS}</loop_joint>',
     "drake": DRAKE_BALL,
+    "drake bushing": bushing("0 0 0"),
     "urdfdom": f'<constraint name="pin" type="spherical">{ENDS}{TIPS}</constraint>',
     "closing frames": "".join(FRAMES),
 }
 HINGES = {
+    "drake bushing": bushing(),
     "old drake": '<loop_joint name="pin" type="revolute"><link1 link="platform" xyz="1 0 0"/>'
     f'<link2 link="rocker" xyz="1 0 0"/>{AXIS_Z}</loop_joint>',
     "fusion": f'<loop_joint name="pin" type="revolute">{ENDS}{TIPS}'

@@ -8,7 +8,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.errors import FileFormatError
-from tests.model.small_dialects import DRAKE_BALL, ENDS, GAZEBO, TIPS, drake_joint
+from tests.model.small_dialects import DRAKE_BALL, ENDS, GAZEBO, TIPS, bushing, drake_joint
 from tests.small_urdf import ARM, joint, link, robot, write
 
 PIN = '<loop_joint name="pin" type="{kind}">{content}</loop_joint>'
@@ -30,7 +30,10 @@ MISTAKES = {
     "drake text": (DRAKE_BALL.replace('value="1 0 0"', 'value="1 0"'), "must hold 3 numbers"),
     "drake type": (drake_joint("curvilinear"), "type 'curvilinear'; supported: ball, planar, screw, universal"),
     "drake pitch": (drake_joint("screw"), "needs a <drake:screw_thread_pitch>"),
-    "bushing": ("<drake:linear_bushing_rpy/>", "closes a loop by springs"),
+    "bushing": ("<drake:linear_bushing_rpy/>", "needs a <drake:bushing_force_stiffness>"),
+    "bushing of one turn": (bushing("0 1 0"), "springs that stand for no joint"),
+    "bushing of a plane": (bushing(force="1 1 0"), "springs that stand for no joint"),
+    "bushing's frame": (bushing().replace('frameA name="', 'frameA name="x'), "missing frame 'xplatform_pin'"),
     "urdfdom type": (f'<constraint name="c" type="distance">{ENDS}</constraint>', "type 'distance'; supported"),
     "urdfdom axis": (f'<constraint name="c" type="revolute">{ENDS}</constraint>', "needs a <parent_axis>"),
     "gazebo type": (GAZEBO.format(kind="gearbox", axis=""), "type 'gearbox'; supported: revolute"),

@@ -76,7 +76,14 @@ ODD = {
         "could hold or couple",
     ),
     "an unknown constraint": (sdf(A, "<loop_constraint/>"), "could close a loop"),
-    "a bushing": (sdf(A, "<drake:linear_bushing_rpy/>"), "is a spring; write the joint"),
+    "a bushing": (
+        sdf(
+            A,
+            "<drake:linear_bushing_rpy><drake:bushing_force_stiffness>1 1 1</drake:bushing_force_stiffness>"
+            "<drake:bushing_torque_stiffness>0 0 1</drake:bushing_torque_stiffness></drake:linear_bushing_rpy>",
+        ),
+        "springs that stand for no joint",
+    ),
     "a tendon": (sdf(A, "<drake:tendon_constraint/>"), "is not understood; write <mimic>"),
     "a curved joint": (sdf(A, '<drake:joint name="c" type="curvilinear"/>'), "type 'curvilinear'; supported: planar"),
     "a kinematic link": (sdf(link("a", content="<kinematic>1</kinematic>")), "something outside the model moves it"),

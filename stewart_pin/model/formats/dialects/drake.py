@@ -3,7 +3,8 @@
 A ball constraint holds point P of body A at point Q of body B; it has no name, and gets one from its bodies unless an
 attribute ``name`` gives it. Drake's universal joint turns about x of its frame, then about y; its screw advances by
 ``<drake:screw_thread_pitch>`` per turn, right-handed; its planar joint moves across ``<axis>``. Drake reads ``<mimic>``
-too. Springs and bushings are forces: springs are left out and noted; a bushing, which stands for a joint, is refused.
+too. Springs are forces, left out and noted. A bushing, whose springs hold two frames together, stands for the joint
+with the freedoms that they leave, and is taken for it, as if they were rigid.
 
 References
 ----------
@@ -20,7 +21,8 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import Joint, JointKind, Loop, Mechanism, Note
+from stewart_pin.geometry.rotations import rotation_from_rpy
+from stewart_pin.model.description import Joint, JointKind, Loop, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import Dialect, Parts, note_lost_limits
 from stewart_pin.model.formats.dialects.mimic import write_mimics
 from stewart_pin.model.formats.urdf_elements import UrdfElements
@@ -28,11 +30,12 @@ from stewart_pin.model.formats.urdf_writer import save, tree_element
 from stewart_pin.model.formats.words import Words
 from stewart_pin.model.formats.xml import number_text, shown_tag
 from stewart_pin.model.unfolding import unfold_planar, unfold_screw, unfold_universal
+from stewart_pin.typing import FloatArray
 
 _NAMESPACE = "http://drake.mit.edu"
 _WORLD = "world"
 """Name of the body that does not move."""
-_BALL = "drake:ball_constraint"
+_BALL, _BUSHING = "drake:ball_constraint", "drake:linear_bushing_rpy"
 _JOINTS = ("ball", "planar", "screw", "universal")
 _X, _Y = np.eye(3)[:2]
 _FRICTION = "friction and damping are arguments of the simulation"
@@ -90,12 +93,61 @@ def _read_joint(reader: UrdfElements, element: etree._Element) -> Parts:
     return Parts.of(unfold_screw(name, parent, child, place, axis, lead))
 
 
-def _refuse_bushing(reader: UrdfElements, element: etree._Element) -> Parts:
-    raise reader.error(
-        f"<{shown_tag(element)}> (line {element.sourceline}) closes a loop by springs; "
-        f"write <{_BALL}>, or a <loop> of the wanted type, for a rigid one",
-        f"<{shown_tag(element)}>",
+def joint_of_bushing(force: FloatArray, torque: FloatArray) -> tuple[JointKind, FloatArray] | None:
+    """Find the joint that a bushing stands for: what its springs leave free is free, and what they hold is held.
+
+    Parameters
+    ----------
+    force
+        (3,) stiffness along x, y, z of the bushing's frames [N/m].
+    torque
+        (3,) stiffness of the turns about x, y, z [N m/rad].
+
+    Returns
+    -------
+    tuple of JointKind and numpy.ndarray, or None
+        Kind, and axis of a hinge (dimensionless); None: it stands for no joint.
+    """
+    free = [k for k in range(3) if torque[k] == 0]
+    if not ((force > 0).all() and (torque >= 0).all() and len(free) != 2):
+        return None
+    kind = (JointKind.FIXED, JointKind.REVOLUTE, None, JointKind.SPHERICAL)[len(free)]
+    assert kind is not None
+    return kind, np.eye(3)[free[0]] if kind is JointKind.REVOLUTE else np.array([0.0, 0.0, 1.0])
+
+
+RIGID = "its springs are taken for rigid, and hold the frames together"
+"""What is told of a bushing."""
+NO_JOINT = (
+    "closes a loop by springs that stand for no joint: along all axes, and about none, two or all; write the joint, or "
+    f"a <{_BALL}>"
+)
+
+
+def _read_bushing(reader: UrdfElements, element: etree._Element) -> Parts:
+    owner = f"<{_BUSHING}> (line {element.sourceline})"
+    force, torque = (
+        reader.numbers(reader.child(element, f"drake:bushing_{what}_stiffness", owner), "value", 3, owner)
+        for what in ("force", "torque")
     )
+    found = joint_of_bushing(force, torque)
+    if found is None:
+        raise reader.error(f"{owner} {NO_JOINT}", f"<{_BUSHING}>")
+    ends = [_frame(reader, reader.child(element, f"drake:bushing_frame{end}", owner), owner) for end in "AC"]
+    (link1, place1, name), (link2, place2, _) = ends
+    loop = Loop(f"{name}_bushing", found[0], link1, link2, place1, place2, axis=found[1])
+    return Parts(loops=(loop,), notes=(Note(f"loop '{loop.name}'", RIGID, Outcome.CHANGED),))
+
+
+def _frame(reader: UrdfElements, end: etree._Element, owner: str) -> tuple[str, pin.SE3, str]:
+    """Link that carries a ``<frame>`` of Drake, its placement there, and its name."""
+    name = reader.text(end, "name", owner)
+    for frame in reader.root.iterchildren("frame"):
+        if frame.get("name") == name:
+            whose = f"frame '{name}'"
+            xyz, rpy = (reader.numbers(frame, key, 3, whose, "0 0 0") for key in ("xyz", "rpy"))
+            return reader.text(frame, "link", whose), pin.SE3(rotation_from_rpy(*rpy), xyz), name
+    raise reader.error(f"{owner} names the missing frame '{name}'; correct the name", name)
 
 
 def _note_spring(reader: UrdfElements, element: etree._Element) -> Parts:
@@ -184,13 +236,25 @@ DIALECT = Dialect(
     {
         f"robot/{_BALL}": _read_ball,
         "robot/drake:joint": _read_joint,
-        "robot/drake:linear_bushing_rpy": _refuse_bushing,
+        f"robot/{_BUSHING}": _read_bushing,
+        "robot/frame": lambda reader, element: Parts(),
         "robot/drake:linear_spring_damper": _note_spring,
     },
     {
         _BALL: Words(("name",), tuple(f"{_BALL}_{part}" for part in ("body_A", "body_B", "p_AP", "p_BQ"))),
         **{f"{_BALL}_body_{end}": Words(("name",)) for end in "AB"},
         **{f"{_BALL}_{point}": Words(("value",)) for point in ("p_AP", "p_BQ")},
+        "robot/frame": Words(("name", "link", "xyz", "rpy")),
+        f"robot/{_BUSHING}": Words(
+            (),
+            tuple(
+                f"drake:bushing_{part}"
+                for part in ("frameA", "frameC", "force_stiffness", "torque_stiffness")
+            ),
+            {f"drake:bushing_{what}_damping": _FRICTION for what in ("force", "torque")},
+        ),
+        **{f"drake:bushing_frame{end}": Words(("name",)) for end in "AC"},
+        **{f"drake:bushing_{what}_stiffness": Words(("value",)) for what in ("force", "torque")},
         "robot/drake:joint": Words(
             ("name", "type"),
             ("parent", "child", "origin", "axis", "drake:screw_thread_pitch"),

@@ -22,6 +22,7 @@ from lxml import etree
 
 from stewart_pin.errors import FileFormatError, UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Outcome
+from stewart_pin.model.formats.dialects.drake import NO_JOINT, RIGID, joint_of_bushing
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
 from stewart_pin.model.formats.sdf.elements import SdfReader, held_model, own
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope
@@ -112,6 +113,7 @@ def read_sdf(path: Path) -> Mechanism:
         floats=floats,
     )
     constraints = [loop for scope in scopes for loop in _ball_constraints(scope)]
+    constraints += [loop for scope in scopes for loop in _bushings(scope, poses)]
     held = [loop for scope in scopes for loop in _detachable_joints(scope, poses)]
     frames, mounts = _frames(scopes, poses)
     everywhere = [*links, *tree.links, *frames]
@@ -269,17 +271,11 @@ def _joints(scope: Scope) -> list[SdfJoint]:
         if not is_gearbox(element)
     ]
     joints += [_drake_joint(scope, element) for element in reader.children(scope.element, "drake:joint")]
-    for tag, remedy in (
-        (
-            "drake:linear_bushing_rpy",
-            "is a spring; write the joint that it stands for, or a <drake:ball_constraint>",
-        ),
-        ("drake:tendon_constraint", "is not understood; write <mimic> where joints are to move together"),
-    ):
-        for element in reader.children(scope.element, tag):
-            raise UnsupportedError(
-                f"{reader.path}: <{tag}> (line {element.sourceline}) of {scope.owner} {remedy}"
-            )
+    for element in reader.children(scope.element, "drake:tendon_constraint"):
+        raise UnsupportedError(
+            f"{reader.path}: <drake:tendon_constraint> (line {element.sourceline}) of {scope.owner} is not understood; "
+            "write <mimic> where joints are to move together"
+        )
     return joints
 
 
@@ -317,6 +313,32 @@ def _ball_constraints(scope: Scope) -> list[Loop]:
         at = [pin.SE3(np.eye(3), reader.vector(element, f"{tag}_{part}", 3, owner)) for part in points]
         name = f"{scope.prefix}ball_constraint_{number}"
         loops.append(Loop(name, JointKind.SPHERICAL, names[0], names[1], at[0], at[1]))
+    return loops
+
+
+def _bushings(scope: Scope, poses: dict[str, pin.SE3]) -> list[Loop]:
+    """Read Drake's bushings as the joints that they stand for."""
+    reader, tag = scope.reader, "drake:linear_bushing_rpy"
+    loops: list[Loop] = []
+    for number, element in enumerate(reader.children(scope.element, tag), start=1):
+        owner = f"<{tag}> {number} (line {element.sourceline})"
+        reader.note_strangers(element, owner, WORDS[tag])
+        force, torque = (
+            reader.vector(element, f"drake:bushing_{what}_stiffness", 3, owner)
+            for what in ("force", "torque")
+        )
+        found = joint_of_bushing(force, torque)
+        if found is None:
+            raise UnsupportedError(f"{reader.path}: {owner} {NO_JOINT}")
+        frames = [reader.content(element, f"drake:bushing_frame{end}", owner) for end in "AC"]
+        bodies = [scope.body(frame, owner) for frame in frames]
+        at = [
+            poses.get(body, pin.SE3.Identity()).inverse() * scope.pose(frame, owner)
+            for body, frame in zip(bodies, frames, strict=True)
+        ]
+        name = f"{scope.prefix}bushing_{number}"
+        loops.append(Loop(name, found[0], *bodies, *at, axis=found[1]))
+        reader.note(f"loop '{name}'", RIGID, Outcome.CHANGED)
     return loops
 
 

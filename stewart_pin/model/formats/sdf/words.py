@@ -52,5 +52,10 @@ WORDS = {
     "drake:mimic": Words(("joint", "multiplier", "offset")),
     "drake:joint": Words(("name", "type"), ("drake:parent", "drake:child"), strange=_SOFT),
     _BALL: Words((), tuple(f"{_BALL}_{part}" for part in ("body_A", "body_B", "p_AP", "p_BQ")), strange=_SOFT),
+    "drake:linear_bushing_rpy": Words(
+        (), tuple(f"drake:bushing_{part}" for part in ("frameA", "frameC", "force_stiffness", "torque_stiffness")),
+        {f"drake:bushing_{what}_damping": "friction and damping are arguments of the simulation"
+         for what in ("force", "torque")},
+    ),
 }  # fmt: skip
 """Words of each element; an ``<axis2>`` has those of an ``<axis>``."""
