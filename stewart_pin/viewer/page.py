@@ -157,6 +157,7 @@ class Page:
             self._build_roles()
             self._build_motion()
             self._build_platform()
+            self._build_load()
             self._build_sliders("Motors", self.hand.motors, expand=True)
             self._build_sliders("Passive joints", self.hand.joints[:_MOST_JOINTS], expand=not chain.nu)
             self._table = server.gui.add_html("")
@@ -266,6 +267,22 @@ class Page:
         self._dragging = False
         self._gizmo.on_update(self._on_gizmo)
 
+    def _build_load(self) -> None:
+        """Put up the force on the platform that efforts at rest are shown under."""
+        self._load_boxes: list[Any] = []
+        if self.chain.platform is None or not self.chain.nu:
+            return
+        gui = self.server.gui
+        with gui.add_folder("Force on the platform", expand_by_default=False):
+            for axis in "xyz":
+                box = gui.add_number(f"{axis} [N]", initial_value=0.0)
+                box.on_update(lambda event: event.client and self.ask("load", self._same))
+                self._load_boxes.append(box)
+
+    def _load_on_platform(self) -> FloatArray | None:
+        force = [float(box.value) for box in self._load_boxes]
+        return np.array([*force, 0.0, 0.0, 0.0]) if any(force) else None
+
     def _build_sliders(self, title: str, grips: Sequence[Grip], *, expand: bool) -> None:
         if not grips:
             return
@@ -345,7 +362,7 @@ class Page:
     # -- from answers to the page ---------------------------------------------------------------------------------
 
     def _show(self, step: Step) -> None:
-        readings = read_state(step.state, step.tau_motor)
+        readings = read_state(step.state, step.tau_motor, load=self._load_on_platform())
         self.shown = Shown(step.state, readings, step.said)
         with self.server.atomic():
             self._picture.show(step.state, readings, self._colouring.value)

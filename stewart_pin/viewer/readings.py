@@ -77,7 +77,9 @@ class Readings:
     missing: str
 
 
-def read_state(state: State, tau_motor: FloatArray | None = None) -> Readings:
+def read_state(
+    state: State, tau_motor: FloatArray | None = None, *, load: FloatArray | None = None
+) -> Readings:
     """Compute what is shown of a state.
 
     Parameters
@@ -86,6 +88,9 @@ def read_state(state: State, tau_motor: FloatArray | None = None) -> Readings:
         Loops closed.
     tau_motor
         (nu,) efforts that move it; default: those that hold it at rest [N or N m].
+    load
+        (6,) [force; moment] on the platform at its origin, world axes, that it is to be held under; default: none
+        [N, N m].
 
     Returns
     -------
@@ -99,7 +104,8 @@ def read_state(state: State, tau_motor: FloatArray | None = None) -> Readings:
         efforts = tau_motor
     elif chain.nu:
         try:
-            efforts = inverse_dynamics(rest).tau_motor
+            wrenches = None if load is None or chain.platform is None else {chain.platform: load}
+            efforts = inverse_dynamics(rest, wrenches=wrenches).tau_motor
         except StewartPinError as error:
             missing = f"no efforts: {error}"
     else:

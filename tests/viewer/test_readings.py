@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 
 import stewart_pin as stp
 from stewart_pin.viewer.page import as_python, readings_table
@@ -62,3 +63,17 @@ def test_names_of_a_file_are_no_markup():
 
     bad = replace(shown, motors=(replace(shown.motors[0], name="<script>alert(1)</script>"),))
     assert "<script>" not in readings_table(bad)
+
+
+def test_a_weight_on_the_platform_is_a_payload():
+    chain = stp.load("stewart")
+    state = stp.inverse_kinematics(chain, [0.1, 0.0, 1.1, 0.0, 0.0, 0.0, 1.0]).state
+    shown = read_state(state, load=np.array([0.0, 0.0, -5.0 * 9.81, 0.0, 0.0, 0.0]))
+    gravity = stp.load("stewart", gravity=(0.0, 0.0, -9.81))
+    point = pin.Inertia(5.0, np.zeros(3), np.zeros((3, 3)))
+    carrying = stp.attach_payload(gravity, point)
+    rest = np.zeros(chain.nv)
+    bare = stp.inverse_dynamics(gravity, state.q, rest, rest).tau_motor
+    more = stp.inverse_dynamics(carrying, state.q, rest, rest).tau_motor - bare
+    unloaded = [motor.effort for motor in read_state(state).motors]
+    np.testing.assert_allclose([m.effort for m in shown.motors], unloaded + more, rtol=1e-10)
