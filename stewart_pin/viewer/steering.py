@@ -30,6 +30,8 @@ _ASIDE = 0.05
 """How far from home the freedoms are looked at, in robot sizes and radians: home is often symmetric."""
 _FAR, _TURN = 0.5, 1.0
 """Reach of a slider where no limit is stated, in robot sizes and radians, to either side of home."""
+_NEARER = 0.85
+"""Share of the way from home by which each random demand is nearer than the one before."""
 _TRIES = 40
 """Random demands of motors until one can be met."""
 
@@ -275,7 +277,7 @@ def random_reachable(hand: Hand, rng: np.random.Generator) -> Step:
     at = home.q[driven.motor_q_index]
     for k in range(_TRIES):
         far = rng.uniform([grip.low for grip in grips], [grip.high for grip in grips])
-        target = at + (far - at) * 0.95**k
+        target = at + (far - at) * _NEARER**k
         step = _judged(
             home, lambda target=target: forward_kinematics(driven, target, limits=False, throw=False)
         )
