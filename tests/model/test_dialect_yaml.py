@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.errors import FileFormatError, MissingExtraError, UnsupportedError
+from stewart_pin.errors import FileFormatError, MechanismError, MissingExtraError, UnsupportedError
 from stewart_pin.model.description import JointKind
 from tests.model.small_dialects import BALLS, FRAMES, YAML, five_bar, square
 from tests.small_urdf import ARM, robot, write
@@ -57,6 +57,23 @@ def test_gepetto_upgrades_joints(tmp_path: Path) -> None:
     np.testing.assert_array_equal(joints["free2_1"].placement.translation, [1, 0, 0])
     assert (chain.nv, chain.motors) == (1 + 3 + 2, ("mot1",))
     assert "changed: revolute in the URDF, UJOINT_ZY in robot.yaml (joint 'free2')" in str(chain.report)
+
+
+def test_home_of_a_joint_that_gepetto_makes_another_one(tmp_path: Path) -> None:
+    """The angle of the hinge is passed over aloud; what was meant for the ball has to be a quaternion."""
+    more = "joint_name: [free1]\njoint_type: [SPHERICAL]\n"
+    write(tmp_path, YAML.format(kind="3d") + more, "robot.yaml")
+    state = '<group_state name="home"><joint name="free1" value="{}"/></group_state></robot>'
+
+    def load(value: str) -> stp.ClosedChain:
+        text = five_bar().replace("</robot>", state.format(value))
+        return stp.load(write(tmp_path, text, "robot.urdf"), platform="left")
+
+    said = "ignored: its home in the URDF: that of a revolute joint (joint 'free1')"
+    assert said in str(load("0.1").report)
+    assert said not in str(load("0 0 0 -1").report)
+    with pytest.raises(MechanismError, match="gives joint 'free1' 3 values, it has 4"):
+        load("0.1 0.2 0.3")
 
 
 def test_a_yaml_says_what_a_closing_mate_was(tmp_path: Path) -> None:

@@ -148,9 +148,12 @@ class _SideCar:
             known = ", ".join([*kinds, *_UJOINTS])
             raise self.error(f"joint '{name}' has the type '{written}'; supported: {known}", name)
         at = mechanism.joints.index(old)
-        note = Note(
-            f"joint '{name}'", f"{old.kind} in the URDF, {written} in {self.path.name}", Outcome.CHANGED
-        )
+        notes = [
+            Note(f"joint '{name}'", f"{old.kind} in the URDF, {written} in {self.path.name}", Outcome.CHANGED)
+        ]
+        told = mechanism.home.get(name)
+        if told is not None and not _fits(written, told):
+            notes.append(Note(f"joint '{name}'", f"its home in the URDF: that of a {old.kind} joint"))
         return replace(
             mechanism,
             joints=(*mechanism.joints[:at], *joints, *mechanism.joints[at + 1 :]),
@@ -158,7 +161,7 @@ class _SideCar:
             home={
                 key: value for key, value in mechanism.home.items() if key != name or _fits(written, value)
             },
-            notes=(*mechanism.notes, note),
+            notes=(*mechanism.notes, *notes),
         )
 
     def _with_motors(self, mechanism: Mechanism) -> Mechanism:
@@ -178,7 +181,8 @@ class _SideCar:
 
 
 def _fits(written: str, value: np.ndarray) -> bool:
-    return written == "SPHERICAL" and np.size(value) == 4
+    # A number is the angle of the hinge; what else is no quaternion is refused later.
+    return written == "SPHERICAL" and np.size(value) != 1
 
 
 def _common_name(frame1: str, frame2: str, taken: list[str]) -> str:
