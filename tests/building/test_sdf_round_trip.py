@@ -143,6 +143,18 @@ def test_names_that_sdformat_does_not_allow(rng: np.random.Generator, tmp_path: 
     assert "a_world" in [link.name for link in read_sdf(tmp_path / "b.sdf").links]
 
 
+def test_blanks_around_names(tmp_path: Path) -> None:
+    """Text of an element is read without them, so links lose theirs aloud; joints keep them in a word of ours."""
+    text = bundled("four_bar").read_text()
+    for name in ("rocker", "crank_pin"):
+        text = text.replace(f'"{name}"', f'" {name}"')
+    report = stp.export(stp.load(write(tmp_path, text)), tmp_path / "b.sdf", format="sdf")
+    assert "called 'rocker', as SDFormat keeps such names for itself (link ' rocker')" in str(report)
+    found = stp.load(tmp_path / "b.sdf").mechanism
+    assert "rocker" in [link.name for link in found.links]
+    assert " crank_pin" in [joint.name for joint in found.joints]
+
+
 CAM = {
     "a cam": (Coupling("cam", "wheel", "pinion", (0.2, -0.4, 0.1)), "is not linear"),
     "a joint held still": (Coupling("cam", "wheel", None, (0.2,)), "holds a joint still"),

@@ -507,7 +507,8 @@ class _Names:
 
     def free(self, name: str, suffix: str) -> str:
         """Find a name that is still free, and take it."""
-        plain = name.replace("::", "_")
+        # Readers take no notice of blanks around the text of an element.
+        plain = name.replace("::", "_").strip() or suffix
         if plain == WORLD or (plain.startswith("__") and plain.endswith("__")):
             plain = f"{plain}_{suffix}"
         found = next(_numbered(plain, self.taken, suffix))
