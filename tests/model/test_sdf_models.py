@@ -186,6 +186,19 @@ def test_files_beside_are_included(tmp_path: Path, uri: str) -> None:
     np.testing.assert_array_equal(position(mechanism, "left::finger"), [0, 0, 2.5])
 
 
+def test_models_next_to_a_model_are_included_by_name(tmp_path: Path) -> None:
+    """As in a collection of models, which is a simulator's model path; no other folder is opened."""
+    shelf(tmp_path, robot=sdf(*ARM, "<include><uri>model://box</uri></include>"))
+    assert "small::crate" in {each.name for each in read_sdf(tmp_path / "arm" / "model.sdf").links}
+    config = tmp_path / "box" / "model.config"
+    config.write_text(config.read_text().replace("model.sdf", "../arm/model.sdf"))
+    with pytest.raises(FileFormatError, match=r"names no <sdf> file beside it"):
+        read_sdf(tmp_path / "arm" / "model.sdf")
+    config.unlink()
+    with pytest.raises(UnsupportedError, match=r"would be looked up in a simulator's model path"):
+        read_sdf(tmp_path / "arm" / "model.sdf")
+
+
 def test_an_include_may_be_the_robot_of_a_world(tmp_path: Path) -> None:
     write(tmp_path, sdf(*ARM), "arm.sdf")
     include = "<include><uri>arm.sdf</uri><pose>7 0 0 0 0 0</pose></include>"

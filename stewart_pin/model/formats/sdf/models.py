@@ -26,8 +26,9 @@ _BY_NAME = "model://"
 class IncludedFiles:
     """The folder of a file, in which what it includes is looked up.
 
-    ``model://arm`` is the folder ``arm`` there, as a simulator finds it whose model path is that folder; a relative
-    path starts beside the file that includes.
+    ``model://arm`` is the folder ``arm`` there, as a simulator finds it whose model path is that folder; where a
+    ``model.config`` beside the file makes the folder itself a model, it may also be the folder ``arm`` next to it. A
+    relative path starts beside the file that includes.
 
     Parameters
     ----------
@@ -65,7 +66,10 @@ class IncludedFiles:
         by_name = uri.startswith(_BY_NAME)
         plain = uri.removeprefix(_BY_NAME).removeprefix("file://")
         start = self.folder if by_name else Path(reader.path).parent
-        if "://" in plain or self._leads_away(start, plain):
+        is_neighbour = by_name and self._is_neighbour(plain)
+        if is_neighbour:
+            start = self.folder.resolve().parent
+        elif "://" in plain or self._leads_away(start, plain, self.folder):
             raise UnsupportedError(
                 f"{reader.path}: {owner}: '{uri}' may lie anywhere, and only files within {self.folder} are opened; "
                 "give the path of the file relative to this one, or put its <model> here"
@@ -86,16 +90,28 @@ class IncludedFiles:
 
         newest = max(files, key=age, default=None)
         name = "" if newest is None else (newest.text or "").strip()
-        if not name or self._leads_away(path, name):
+        if not name or self._leads_away(path, name, path if is_neighbour else self.folder):
             raise reader.error(f"{owner}: {path / 'model.config'} names no <sdf> file beside it", uri)
         return path / name
 
-    def _leads_away(self, start: Path, plain: str) -> bool:
-        """Tell a path that is absolute, climbs, or leaves the folder by a link."""
+    def _is_neighbour(self, name: str) -> bool:
+        """Tell whether a model of that name stands next to the folder, both in one collection of models."""
+        here, beside = self.folder.resolve(), self.folder.resolve().parent / name
+        config = "model.config"
+        return (
+            PurePosixPath(name).name == name
+            and not (here / name).exists()
+            and (here / config).is_file()
+            and (beside / config).is_file()
+            and beside.resolve() == beside
+        )
+
+    def _leads_away(self, start: Path, plain: str, within: Path) -> bool:
+        """Tell a path that is absolute, climbs, or leaves a folder by a link."""
         steps = PurePosixPath(plain.replace("\\", "/"))
         if steps.is_absolute() or ".." in steps.parts or Path(plain).is_absolute():
             return True
-        return not (start / plain).resolve().is_relative_to(self.folder.resolve())
+        return not (start / plain).resolve().is_relative_to(within.resolve())
 
 
 # ----------------------------------------------------------------------------------------------------
