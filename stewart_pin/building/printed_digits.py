@@ -12,21 +12,29 @@ are no larger than the digits explain.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from stewart_pin.building.home import keep_home, near_home, settle_alone, settle_parts
+from stewart_pin.building.near_mechanism import (
+    Place,
+    all_closed,
+    closed_everywhere,
+    none_near,
+    of_size,
+    placement_of,
+    places_of,
+)
 from stewart_pin.errors import MechanismError
-from stewart_pin.model.description import JointKind, Mechanism, Note, Outcome
+from stewart_pin.model.description import Note, Outcome
 from stewart_pin.model.formats.precision import Precision
 from stewart_pin.model.sizes import length_scale
-from stewart_pin.model.tree import build_tree
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.newton import close_at_precision, displaced
 from stewart_pin.state.state import State
-from stewart_pin.tolerances import CLOSED, HOME_IN_FILE, ROUND_OFF_STEPS
+from stewart_pin.tolerances import HOME_IN_FILE
 from stewart_pin.typing import Configuration, FloatArray
 
 _COARSEST = 5e-3
@@ -44,30 +52,15 @@ _PROBES = 2
 """Configurations on which a mechanism that is exact at home is tried."""
 _ROUNDS = 4
 """Times that configurations join."""
-_STEPS = 40
-"""Gauss-Newton steps between two times."""
-_LEAST = 1e4
-"""Factor of damping from which on a step is nothing."""
+_DOUBTS = 2
+"""Sets of configurations at which no near mechanism closes the loops, after which none is looked for any more."""
 _STRIDE = 0.6
 """How far the next configuration is from the one before, in robot sizes and radians."""
-_FLOOR = 1e-10
-"""Share of the largest singular value that moves of places have for nothing: these leave the loops as they are."""
 _WANDERING = 0.4
 """How far from straight on it goes, for each freedom."""
 _REGULAR = (0.02, 0.02, 0.1, 0.02, 0.3, 0.05, 0.02, 0.1)
 """Share of its size at home that the smallest singular value of a configuration needs to have to be used: as far as
 possible along the motion first, since that tells moves apart best."""
-
-
-@dataclass(frozen=True)
-class _Place:
-    """Where a joint or a loop is attached: `side` 0 for a joint, 1 or 2 for a frame of a loop."""
-
-    owner: str
-    side: int
-
-    def __str__(self) -> str:
-        return f"joint '{self.owner}'" if not self.side else f"loop '{self.owner}', frame {self.side}"
 
 
 def settle_printed(chain: ClosedChain, forgiven: float | Precision) -> ClosedChain:
@@ -103,7 +96,7 @@ def settle_printed(chain: ClosedChain, forgiven: float | Precision) -> ClosedCha
 def _measured(chain: ClosedChain, forgiven: float | Precision) -> tuple[float, float]:
     """Size of a chain [m], and what digits may have left open, in this size and radians."""
     # Axes that meet in a point but for digits have no size between them: these are no length of the robot.
-    places = _places(chain)
+    places = places_of(chain)
 
     def explained(size: float) -> float:
         return _explained(forgiven, size, places) if isinstance(forgiven, Precision) else forgiven
@@ -114,10 +107,10 @@ def _measured(chain: ClosedChain, forgiven: float | Precision) -> tuple[float, f
 
 def _settle_part(chain: ClosedChain, forgiven: float, size: float) -> ClosedChain:
     """Settle loops that share joints with no others: neither digits nor size of one leg are those of another."""
-    places = _places(chain)
+    places = places_of(chain)
     if not (forgiven > 0 and chain.loops):
         return settle_alone(chain)
-    printed = chain if size == chain.length_scale else _of_size(chain, size)
+    printed = chain if size == chain.length_scale else of_size(chain, size)
     try:
         moved = _absorbed(printed, near_home(printed, forgiven, searching=False), places, forgiven)
     except _Undecided as undecided:
@@ -142,7 +135,7 @@ def _settle_part(chain: ClosedChain, forgiven: float, size: float) -> ClosedChai
     return settled if moved is None else moved
 
 
-def _explained(precision: Precision, size: float, places: Sequence[_Place]) -> float:
+def _explained(precision: Precision, size: float, places: Sequence[Place]) -> float:
     """Gap that the digits of a file explain, in robot sizes and radians."""
     half_unit = max(precision.angle, precision.length / size)
     return min(_COARSEST, _MARGIN * half_unit * np.sqrt(6 * max(1, len(places))))
@@ -168,7 +161,7 @@ def _with_note(chain: ClosedChain, undecided: _Undecided) -> ClosedChain:
 
 
 def _absorbed(
-    chain: ClosedChain, q: Configuration | None, places: Sequence[_Place], forgiven: float
+    chain: ClosedChain, q: Configuration | None, places: Sequence[Place], forgiven: float
 ) -> ClosedChain | None:
     """Move joints and loops so that the rank at the file's precision is the exact one; None where it is already."""
     if q is None:
@@ -191,11 +184,11 @@ class _Motion:
     """What a chain would do if only `rank` of its rows were independent, all along its motion from home."""
 
     def __init__(
-        self, chain: ClosedChain, home: State, rank: int, places: Sequence[_Place], forgiven: float
+        self, chain: ClosedChain, home: State, rank: int, places: Sequence[Place], forgiven: float
     ) -> None:
         self.chain, self.home, self.rank = chain, home, rank
         self.places, self.forgiven = places, forgiven
-        _, values, vt = np.linalg.svd(home.rows)
+        _, values, vt = home.row_factors
         self.spurious = values[rank:]
         # The spin of a rod between two balls is one of its own whatever the digits, and tells nothing of them.
         self.samples = _SAMPLES * (1 + _not_idle(home, vt[rank:].T, forgiven))
@@ -206,14 +199,14 @@ class _Motion:
     def exact(self, beyond: Sequence[State]) -> bool:
         """Whether rows that should repeat do so to round-off: home may be exact by symmetry, and the motion not."""
         open_by = max(self.home.largest_gap, self.spurious.max(initial=0.0))
-        return open_by <= max(_EXACT, self.home.round_off) and _closed(beyond)
+        return open_by <= max(_EXACT, self.home.round_off) and all_closed(beyond)
 
     def absorbed(self) -> ClosedChain:
         """Move joints and loops so that they do so exactly."""
         chain, rank, places, forgiven = self.chain, self.rank, self.places, self.forgiven
         if len(places) * self.samples > _LARGEST:
             raise self.undecided("the mechanism is too large to look for one that keeps them")
-        ease, rng = np.ones(6 * len(places)), np.random.default_rng(0)
+        ease, rng, doubts = np.ones(6 * len(places)), np.random.default_rng(0), 0
         for regular in _REGULAR:
             walk = self.walk(regular, rng)
             moved, states = chain, [self.home]
@@ -221,7 +214,7 @@ class _Motion:
                 fresh = walk.on(moved)
                 if fresh is None:
                     break
-                if moved is not chain and _closed(fresh):
+                if moved is not chain and all_closed(fresh):
                     # Home has followed; Newton's method without the rank would drift where it is all but closed.
                     return keep_home(self.told(moved), states[0].q)
                 # From the start again: moves that closed a part of the motion lie in a narrow valley of those for the
@@ -229,10 +222,15 @@ class _Motion:
                 again = [
                     close_at_precision(chain, state.q, forgiven, rank=rank).state for state in states + fresh
                 ]
-                moved, states = _closing_everywhere(chain, again, rank, places, forgiven, ease)
-                walk.at = states[-1]
-                if not _closed(states) and number:
+                if not number and none_near(again, rank, places, forgiven):
+                    doubts += 1
                     break
+                moved, states = closed_everywhere(chain, again, rank, places, forgiven, ease)
+                walk.at = states[-1]
+                if not all_closed(states) and number:
+                    break
+            if doubts == _DOUBTS:
+                break
             # Between two families of mechanisms no small move leads to either; unequal ones leave the middle.
             ease = 10.0 ** rng.uniform(-1.0, 0.0, ease.size)
         raise self.undecided("no near mechanism was found that keeps this freedom")
@@ -253,7 +251,7 @@ class _Motion:
         notes: list[Note] = []
         total = 0.0
         for place in self.places:
-            before, after = (_placement(one.mechanism, place) for one in (self.chain, moved))
+            before, after = (placement_of(one.mechanism, place) for one in (self.chain, moved))
             move = before.inverse() * after
             # The logarithm of a rotation is lost in round-off where the angle is below 1e-8.
             turn = float(np.linalg.norm(pin.unSkew((move.rotation - move.rotation.T) / 2)))
@@ -307,7 +305,7 @@ class _Walk:
         for _ in range(4 * wanted):
             if len(found) == wanted or not freedoms:
                 break
-            basis = np.linalg.svd(state.rows)[2][self.rank :].T
+            basis = state.row_factors[2][self.rank :].T
             ahead = basis.T @ along
             way = ahead / max(float(np.linalg.norm(ahead)), 1e-3) + _WANDERING * self.rng.normal(
                 size=freedoms
@@ -315,7 +313,7 @@ class _Walk:
             step = basis @ way
             step *= stride / np.abs(step).max()
             closed = close_at_precision(chain, displaced(state, step).q, self.forgiven, rank=self.rank)
-            values = np.linalg.svd(closed.state.rows, compute_uv=False)
+            values = closed.state.row_factors[1]
             open_by = max(closed.state.largest_gap, values[self.rank :].max(initial=0.0))
             if open_by > self.forgiven or values[: self.rank].min(initial=1.0) < self.least:
                 stride *= 0.6
@@ -339,159 +337,4 @@ def _not_idle(state: State, motions: FloatArray, forgiven: float) -> int:
 
 
 def _smallest(state: State, rank: int) -> float:
-    return float(np.linalg.svd(state.rows, compute_uv=False)[rank - 1]) if rank else 0.0
-
-
-def _closing_everywhere(
-    chain: ClosedChain,
-    states: Sequence[State],
-    rank: int,
-    places: Sequence[_Place],
-    forgiven: float,
-    ease: FloatArray,
-) -> tuple[ClosedChain, list[State]]:
-    """Move the places by the least that closes the loops at all states, which move along (Levenberg-Marquardt)."""
-    states = [chain.at(state.q) for state in states]
-    size, extra = _size(states), 1.0
-    noise = max(state.round_off for state in states) / ROUND_OFF_STEPS
-    matrix = right = np.zeros(0)
-    columns: list[FloatArray] = []
-    for _ in range(_STEPS):
-        if _open(states) <= max(CLOSED, ROUND_OFF_STEPS * noise) / 40 or extra > _LEAST:
-            break
-        if not columns:
-            columns = [_columns(state, places) for state in states]
-            left = [np.linalg.svd(state.rows)[0][:, rank:].T for state in states]
-            matrix = np.vstack([rows @ column for rows, column in zip(left, columns, strict=True)]) * ease
-            right = np.concatenate(
-                [rows @ state.relative_gap for rows, state in zip(left, states, strict=True)]
-            )
-        u, s, vt = np.linalg.svd(matrix, full_matrices=False)
-        # Damped by the size of the residual: the least moves, whatever the rank of these equations. Round-off, which
-        # stands in every one, may not move anything farther than digits reach.
-        damping = (
-            extra * float(np.linalg.norm(right)) + _FLOOR * s[0] + noise * np.sqrt(right.size) / forgiven
-        )
-        moves = -ease * (vt.T @ ((s / (s**2 + damping**2)) * (u.T @ right)))
-        trial = _moved(chain, places, moves)
-        trials = [
-            _followed(trial, state, column @ moves, rank)
-            for state, column in zip(states, columns, strict=True)
-        ]
-        if _size(trials) < size:
-            chain, states, size, columns, extra = trial, trials, _size(trials), [], 1.0
-        else:
-            extra *= 10.0
-    return chain, states
-
-
-def _size(states: Sequence[State]) -> float:
-    return float(np.linalg.norm([state.relative_gap for state in states]))
-
-
-def _followed(chain: ClosedChain, state: State, opened: FloatArray, rank: int) -> State:
-    """Close the rows that are independent, at the moved places."""
-    u, s, vt = np.linalg.svd(state.rows)
-    step = -vt[:rank].T @ ((u[:, :rank].T @ (state.relative_gap + opened)) / s[:rank])
-    return displaced(chain.at(state.q), step)
-
-
-def _open(states: Sequence[State]) -> float:
-    return max(state.largest_gap for state in states)
-
-
-def _closed(states: Sequence[State]) -> bool:
-    return all(state.largest_gap <= max(CLOSED, state.round_off) for state in states)
-
-
-def _places(chain: ClosedChain) -> tuple[_Place, ...]:
-    """Places of the joints in loops, and of the frames of loops."""
-    found: list[_Place] = []
-    for joint in chain.mechanism.joints:
-        if joint.kind not in (JointKind.FIXED, JointKind.FLOATING):
-            entry = chain.model.joints[chain.model.getJointId(joint.name)].idx_v
-            if chain.loop_table.row_difference[:, entry].any():
-                found.append(_Place(joint.name, 0))
-    for loop in chain.loops:
-        found += [_Place(loop.name, 1), _Place(loop.name, 2)]
-    return tuple(found)
-
-
-def _columns(state: State, places: Sequence[_Place]) -> FloatArray:
-    """Rate of the gap per move of each place along and about its own axes, natural units: (nc, 6 n)."""
-    chain, table = state.chain, state.chain.loop_table
-    data = pin.Data(chain.model)
-    pin.forwardKinematics(chain.model, data, state.q)
-    numbers = {loop.name: k for k, loop in enumerate(chain.loops)}
-    sizes = chain.twist_sizes
-    blocks: list[FloatArray] = []
-    for place in places:
-        if place.side:
-            k = numbers[place.owner]
-            joint = (table.joint1 if place.side == 1 else table.joint2)[k]
-            rotation, translation = (
-                (table.rotation1[k], table.translation1[k])
-                if place.side == 1
-                else (table.rotation2[k], table.translation2[k])
-            )
-            placement = data.oMi[joint] * pin.SE3(rotation, translation)
-            sign = np.zeros(chain.nc)
-            sign[table.slices[k]] = -1.0 if place.side == 1 else 1.0
-        else:
-            joint = chain.model.getJointId(place.owner)
-            placement = data.oMi[chain.model.parents[joint]] * chain.model.jointPlacements[joint]
-            sign = table.row_difference[:, chain.model.joints[joint].idx_v]
-        blocks.append((state.row_wrenches @ placement.action) * sign[:, None] * sizes)
-    return np.hstack(blocks) / chain.row_sizes[:, None]
-
-
-def _moved(chain: ClosedChain, places: Sequence[_Place], moves: FloatArray) -> ClosedChain:
-    """Attach joints and loops elsewhere."""
-    by_place = {
-        place: pin.exp6(pin.Motion(move * chain.twist_sizes))
-        for place, move in zip(places, moves.reshape(-1, 6), strict=True)
-    }
-    still = pin.SE3.Identity()
-
-    def placed(placement: pin.SE3, place: _Place) -> pin.SE3:
-        return placement * by_place.get(place, still)
-
-    old = chain.mechanism
-    mechanism = replace(
-        old,
-        joints=tuple(
-            replace(joint, placement=placed(joint.placement, _Place(joint.name, 0)))
-            if _Place(joint.name, 0) in by_place
-            else joint
-            for joint in old.joints
-        ),
-        loops=tuple(
-            replace(
-                loop,
-                placement1=placed(loop.placement1, _Place(loop.name, 1)),
-                placement2=placed(loop.placement2, _Place(loop.name, 2)),
-            )
-            for loop in old.loops
-        ),
-    )
-    return _rebuilt(chain, mechanism)
-
-
-def _rebuilt(chain: ClosedChain, mechanism: Mechanism) -> ClosedChain:
-    moved = replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
-    # Sizes are of the file's numbers, not of digits: natural units stay the same from step to step.
-    return _of_size(moved, chain.length_scale)
-
-
-def _of_size(chain: ClosedChain, size: float) -> ClosedChain:
-    """Give a chain other natural units."""
-    sized = replace(chain)
-    sized.__dict__["length_scale"] = size
-    return sized
-
-
-def _placement(mechanism: Mechanism, place: _Place) -> pin.SE3:
-    if not place.side:
-        return mechanism.joint(place.owner).placement
-    loop = next(loop for loop in mechanism.loops if loop.name == place.owner)
-    return loop.placement1 if place.side == 1 else loop.placement2
+    return float(state.row_factors[1][rank - 1]) if rank else 0.0

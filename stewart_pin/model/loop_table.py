@@ -85,9 +85,8 @@ class CouplingRows:
             (r,) where joint 1 should stand, or the derivative with respect to joint 2 [m or rad per power].
         """
         x = np.where(self.q2 >= 0, q[self.q2], 0.0) if self.index.size else np.zeros(0)
-        return np.array(
-            [polyval(at, polyder(c, order)) for at, c in zip(x, self.polynomial, strict=True)], dtype=float
-        )
+        slopes = polyder(self.polynomial, order, axis=1) if order else self.polynomial
+        return polyval(x, slopes.T, tensor=False)
 
 
 @dataclass(frozen=True, eq=False)

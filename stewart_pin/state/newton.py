@@ -376,24 +376,25 @@ def close_at_precision(
     own = rank
     for _ in range(MAX_ITERATIONS):
         size = float(np.linalg.norm(residual))
-        values = np.linalg.svd(state.rows, compute_uv=False)
+        factors = state.row_factors
+        values = factors[1]
         if rank is None:
             own = rank_at_precision(values, precision) if size <= precision else None
         # What may be digits is followed nowhere: it would lead far along the motion.
         kept = int(np.count_nonzero(values > precision)) if own is None else own
-        step = _least_norm_step(residual, state.rows, size if own is None else 0.0, kept)
+        step = _step_of(factors, residual, size if own is None else 0.0, kept)
         trial = displaced(state, step)
         better = float(np.linalg.norm(trial.relative_gap)) < size
         if not better and (own is not None or size <= precision):
             break
         if not better:
-            step = _least_norm_step(residual, state.rows, 10 * size, kept)
+            step = _step_of(factors, residual, 10 * size, kept)
             trial = displaced(state, step)
             if not float(np.linalg.norm(trial.relative_gap)) < size:
                 break
         state, residual = trial, trial.relative_gap
     if own is None:
-        own = rank_at_precision(np.linalg.svd(state.rows, compute_uv=False), precision)
+        own = rank_at_precision(state.row_factors[1], precision)
     return NearClosure(state, own)
 
 
@@ -449,8 +450,20 @@ def _least_norm_step(
     residual: FloatArray, jacobian: FloatArray, damping: float, rank: int | None, least: float = 0.0
 ) -> FloatArray:
     """Solve J dq = -r for the shortest dq, damped by a share of J's size, and by no less than `least`, and clamped."""
-    u, s, vt = np.linalg.svd(jacobian, full_matrices=False)
-    u, s, vt = u[:, :rank], s[:rank], vt[:rank]
+    return _step_of(np.linalg.svd(jacobian, full_matrices=False), residual, damping, rank, least)
+
+
+def _step_of(
+    factors: tuple[FloatArray, FloatArray, FloatArray],
+    residual: FloatArray,
+    damping: float,
+    rank: int | None,
+    least: float = 0.0,
+) -> FloatArray:
+    """Do so with the singular value decomposition of J."""
+    u, s, vt = factors
+    s = s[:rank]
+    u, vt = u[:, : s.size], vt[: s.size]
     largest = s[0] if s.size else 0.0
     square = s**2 + max(damping * largest, least) ** 2
     gain = np.divide(s, square, out=np.zeros_like(s), where=square > 0)

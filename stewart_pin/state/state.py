@@ -297,6 +297,12 @@ class State:
         return self.J_c * chain.row_scale
 
     @once
+    def row_factors(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(nc, nc), (k,) and (nv, nv) singular value decomposition of these rows, dimensionless."""
+        u, s, vt = np.linalg.svd(self.rows)
+        return u, s, vt
+
+    @once
     def motions(self) -> Motions:
         """The motions that the loops leave, exactly as many as the mechanism has."""
         return split_motions(self.rows, self.chain.generic.rank)
