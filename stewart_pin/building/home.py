@@ -2,48 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from scipy.optimize import lsq_linear
 
 from stewart_pin.building.body_graph import Part, part_of
+from stewart_pin.building.home_within_limits import (
+    Stuck,
+    beyond_cones,
+    bounded,
+    guesses,
+    in_configuration,
+    moved_beyond,
+    outside,
+    search_within_limits,
+)
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import JointKind, Note, Outcome
 from stewart_pin.model.loop_table import independent_groups
 from stewart_pin.model.tree import build_tree
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.configurations import clipped, random_configuration, unwound
+from stewart_pin.state.configurations import clipped
 from stewart_pin.state.limits import Excess
-from stewart_pin.state.newton import Closure, close_at_precision, displaced, polish
-from stewart_pin.state.state import State
-from stewart_pin.tolerances import HOME_IN_FILE, NOTHING
-from stewart_pin.typing import BoolArray, Configuration, FloatArray
+from stewart_pin.state.newton import Closure, close_at_precision, polish
+from stewart_pin.tolerances import HOME_IN_FILE
+from stewart_pin.typing import Configuration, FloatArray
 
-_ATTEMPTS = 16
-"""Random configurations to start from."""
-_STEPS = 60
-"""Bounded Gauss-Newton steps from one start."""
-_SLOWLY, _PATIENCE = 0.99, 6
-"""Share of the gap that a step leaves where it gets nowhere, and how many such steps in a row are the end: against
-limits that are approached from inside, each step still shrinks it a little."""
 _ROUNDS = 10
 """Leaps by which joints of an assembled pose are carried inside their limits."""
 _LEAP = 0.6
-"""How far a joint of an assembled pose is moved at once towards its range, in robot sizes or radians; also the largest
-bounded Gauss-Newton step."""
-_ENOUGH = 1e-6
-"""Gap from which on Newton's method closes the rest without moving a joint noticeably."""
-_INSET = 1e-5
-"""How far from a limit the search stays, in robot sizes or radians: closing the rest moves joints by less."""
-_AT_END = 1e-4
-"""Room, in robot sizes or radians, that is none."""
+"""How far a joint of an assembled pose is moved at once towards its range, in robot sizes or radians."""
 _ROUNDING = 0.02
 """Largest gap, in robot sizes or radians, that may be rounding if somebody says so."""
-_PRESSED = 0.05
-"""Share of the steepest descent of the gap that a joint at its limit has, if that stands in the way."""
 
 
 def settle_home(chain: ClosedChain) -> ClosedChain:
@@ -148,9 +140,9 @@ def _start(chain: ClosedChain, parts: list[Part]) -> tuple[Configuration, list[N
     alone = np.ones(chain.nq, dtype=bool)
     for part in parts:
         alone[part.at] = False
-    given = _in_configuration(chain, _leeway(chain) < np.inf) & (not assembled)
+    given = in_configuration(chain, _leeway(chain) < np.inf) & (not assembled)
     notes: list[Note] = []
-    for excess in _outside(chain, guess):
+    for excess in outside(chain, guess):
         at = chain.model.joints[chain.model.getJointId(excess.joint)].idx_q
         if alone[at] and given[at]:
             raise _wrong_home(chain, _stands_beyond(excess))
@@ -192,12 +184,12 @@ def settle_alone(chain: ClosedChain, slack: float = HOME_IN_FILE) -> ClosedChain
     guess = home_guess(chain)
     direct = polish(chain, guess)
     fault = _fault(chain, guess, direct, leeway)
-    if not fault and not _beyond_cones(chain, direct.q).any():
+    if not fault and not beyond_cones(chain, direct.q).any():
         return chain.with_home(_inside(chain, guess, direct.q, leeway))
-    found = _search(chain, guess, leeway)
-    if isinstance(found, _Stuck) and fault:
+    found = search_within_limits(chain, guess, leeway)
+    if isinstance(found, Stuck) and fault:
         raise _no_home(chain, guess, leeway, fault, found)
-    return chain.with_home(direct.q if isinstance(found, _Stuck) else found)
+    return chain.with_home(direct.q if isinstance(found, Stuck) else found)
 
 
 def near_home(chain: ClosedChain, precision: float, *, searching: bool) -> Configuration | None:
@@ -222,13 +214,13 @@ def near_home(chain: ClosedChain, precision: float, *, searching: bool) -> Confi
     guess = home_guess(chain, inside=not assembled)
     near = close_at_precision(chain, guess, precision).state
     if near.largest_gap <= precision and not near.opposed():
-        inside = assembled or not (_moved(chain, guess, near.q, leeway) or _outside(chain, near.q))
-        if inside and (assembled or not _beyond_cones(chain, near.q).any()):
+        inside = assembled or not (moved_beyond(chain, guess, near.q, leeway) or outside(chain, near.q))
+        if inside and (assembled or not beyond_cones(chain, near.q).any()):
             return near.q
     if assembled or not searching:
         return None
-    found = _search(chain, guess, leeway, precision)
-    return None if isinstance(found, _Stuck) else found
+    found = search_within_limits(chain, guess, leeway, precision)
+    return None if isinstance(found, Stuck) else found
 
 
 def keep_home(chain: ClosedChain, q: Configuration) -> ClosedChain:
@@ -246,7 +238,7 @@ def keep_home(chain: ClosedChain, q: Configuration) -> ClosedChain:
     ClosedChain
         The same chain with a home.
     """
-    beyond = chain.mechanism.assembled and _outside(chain, q)
+    beyond = chain.mechanism.assembled and outside(chain, q)
     return _settle_assembled(chain) if beyond else chain.with_home(q)
 
 
@@ -260,13 +252,13 @@ def _settle_assembled(chain: ClosedChain) -> ClosedChain:
             path=chain.mechanism.source,
             culprit="home",
         )
-    outside = _outside(chain, start.q)
-    if not outside:
+    beyond = outside(chain, start.q)
+    if not beyond:
         return chain.with_home(start.q)
-    q = _carry_inside(chain, start.q, [excess.joint for excess in outside])
-    found = _outside(chain, q)
-    worst = outside[0].joint
-    text = f"home: the pose of the file is beyond the limits of {len(outside)} joints; " + (
+    q = _carry_inside(chain, start.q, [excess.joint for excess in beyond])
+    found = outside(chain, q)
+    worst = beyond[0].joint
+    text = f"home: the pose of the file is beyond the limits of {len(beyond)} joints; " + (
         "they were moved inside" if not found else "the loops let them no further, and it stays there"
     )
     note = Note(f"joint '{worst}'", text, Outcome.CHANGED)
@@ -285,7 +277,7 @@ def _carry_inside(chain: ClosedChain, q: Configuration, joints: list[str]) -> Co
         if not closure.success:
             return q
         q = closure.q
-        if not _outside(chain, q):
+        if not outside(chain, q):
             return q
     return q
 
@@ -358,187 +350,17 @@ def _fault(chain: ClosedChain, guess: Configuration, closure: Closure, leeway: F
         worst = max(range(len(chain.loops)), key=lambda k: gaps[chain.loop_table.slices[k]].max())
         loop = chain.loops[worst].name
         return f"the loops do not close, the smallest gap found is {closure.gap:.3g} m, at loop '{loop}'"
-    moved = _moved(chain, guess, closure.q, leeway)
-    return moved or next(map(_stands_beyond, _outside(chain, closure.q)), "")
-
-
-@dataclass(frozen=True, eq=False)
-class _Stuck:
-    """Where the search ended within the limits, and the joints that these keep from closing the loops further."""
-
-    q: Configuration
-    gap: float
-    held: tuple[str, ...] = ()
-
-
-def _search(
-    chain: ClosedChain, start: Configuration, leeway: FloatArray, precision: float = 0.0
-) -> Configuration | _Stuck:
-    """Close the loops inside the limits, from near the start first; those of balls and of loops as far as they go."""
-    found: Configuration | _Stuck = _Stuck(start, np.inf)
-    for cones in (False, True):
-        for guess in _guesses(chain, start, leeway == np.inf):
-            trial = _bounded(chain, guess, leeway, precision, cones)
-            if not isinstance(trial, _Stuck):
-                if cones or not _beyond_cones(chain, trial).any():
-                    return trial
-                found = trial
-                break
-            if isinstance(found, _Stuck) and trial.gap < found.gap:
-                found = trial
-        if isinstance(found, _Stuck):
-            break  # without these limits there is none either
-    return found
-
-
-def _guesses(chain: ClosedChain, start: Configuration, free: BoolArray) -> Iterator[Configuration]:
-    yield start
-    if not free.any():
-        return
-    moving = _in_configuration(chain, free)
-    yield np.where(moving, clipped(chain, _outermost(chain, start)), start)
-    rng = np.random.default_rng(0)
-    for _ in range(_ATTEMPTS):
-        yield np.where(moving, random_configuration(chain, rng), start)
-
-
-def _outermost(chain: ClosedChain, q: Configuration) -> Configuration:
-    """Put coordinates that stand at a limit just beyond it, so that `clipped` takes them to the middle."""
-    lower, upper = chain.model.lowerPositionLimit, chain.model.upperPositionLimit
-    return np.where(q <= lower, q - 1.0, np.where(q >= upper, q + 1.0, q))
-
-
-def _bounded(
-    chain: ClosedChain, guess: Configuration, leeway: FloatArray, precision: float, cones: bool
-) -> Configuration | _Stuck:
-    """Gauss-Newton steps within the limits until the loops are nearly closed, then to the last bit.
-
-    With a precision, rows that close to it are left as they are. With `cones`, limits of balls and of loops, which
-    are no bounds of a step, are equations where they are passed.
-    """
-    state = chain.at(pin.normalize(chain.model, np.array(guess)))
-    (residual, jacobian), damping = _equations(chain, state, cones), 1e-3
-    enough, slow = max(_enough(chain), state.round_off, precision / 2), 0
-    for _ in range(_STEPS):
-        if np.abs(residual).max() < enough:
-            break
-        system = np.vstack([jacobian, damping * np.eye(chain.nv)])
-        right = np.concatenate([-residual, np.zeros(chain.nv)])
-        step = lsq_linear(system, right, bounds=_room(chain, state.q, guess, leeway)).x
-        trial = displaced(state, step)
-        left = _equations(chain, trial, cones)
-        shrunk = np.linalg.norm(left[0]) / np.linalg.norm(residual)
-        slow = 0 if shrunk < _SLOWLY else slow + (shrunk < 1)
-        if slow > _PATIENCE:
-            return _stuck(chain, state, guess, leeway)
-        if shrunk < 1:
-            state, (residual, jacobian), damping = trial, left, max(damping / 5, 1e-9)
-        elif damping > 1e3:
-            return _stuck(chain, state, guess, leeway)
-        else:
-            damping *= 5
-    else:
-        return _stuck(chain, state, guess, leeway)
-    closure = None if precision else polish(chain, state.q)
-    q = np.array(state.q) if closure is None else closure.q
-    if (closure is not None and not closure.success) or _moved(chain, guess, q, leeway):
-        return _stuck(chain, state, guess, leeway)
-    q = np.where(_in_configuration(chain, leeway == np.inf), unwound(chain, q), q)
-    beyond = _outside(chain, q) or (cones and _beyond_cones(chain, q).any())
-    return _stuck(chain, state, guess, leeway) if beyond else q
-
-
-def _enough(chain: ClosedChain) -> float:
-    """Gap from which on Newton's method closes the rest without leaving the narrowest range."""
-    stated = chain.limits.stated("position")
-    lower, upper = chain.limits.bounds("position", stated).T / chain.judge.sizes(stated)
-    return float(np.clip((upper - lower).min(initial=np.inf) / 8, NOTHING, _ENOUGH))
-
-
-def _equations(chain: ClosedChain, state: State, cones: bool) -> tuple[FloatArray, FloatArray]:
-    """Gap and its derivative in natural units; directions held together as a whole, or they end against each other."""
-    apart, turning = state.alignment
-    residual, jacobian = [state.relative_gap, apart], [state.rows, turning * chain.tangent_scale]
-    if cones:
-        residual.append(_beyond_cones(chain, state.q, _INSET))
-        jacobian.append(_cone_rates(chain, state.q))
-    return np.concatenate(residual), np.vstack(jacobian)
-
-
-def _stuck(chain: ClosedChain, state: State, guess: Configuration, leeway: FloatArray) -> _Stuck:
-    """Name the joints at whose limits the gap would shrink beyond."""
-    lower, upper = _room(chain, state.q, guess, leeway)
-    downhill = -state.rows.T @ state.relative_gap
-    pressed = ((lower > -_AT_END) & (downhill < 0)) | ((upper < _AT_END) & (downhill > 0))
-    share = np.abs(downhill) >= _PRESSED * np.abs(downhill).max(initial=0.0)
-    names = [chain.tangent_names[k] for k in np.flatnonzero(pressed & (leeway == np.inf) & share)]
-    return _Stuck(np.array(state.q), float(np.abs(state.gap).max(initial=0.0)), tuple(names))
-
-
-def _room(
-    chain: ClosedChain, q: Configuration, guess: Configuration, leeway: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """How far each tangent entry may go at once in natural units: to its limits, and named joints hardly at all."""
-    lower, upper = np.full(chain.nv, -_LEAP), np.full(chain.nv, _LEAP)
-    for joint in chain.model.joints[1:]:
-        if joint.nq == 1 and joint.nv == 1:
-            k, scale = joint.idx_v, chain.tangent_scale[joint.idx_v]
-            least, most = (
-                float(limit[joint.idx_q]) / scale
-                for limit in (chain.model.lowerPositionLimit, chain.model.upperPositionLimit)
-            )
-            # The last bits of closing may move it a little.
-            inset = min(_INSET, (most - least) / 4)
-            low, high = least + inset - q[joint.idx_q] / scale, most - inset - q[joint.idx_q] / scale
-            # A start outside its range, as a home with few digits may be, is not thrown back at once.
-            lower[k], upper[k] = max(lower[k], min(low, 0.0)), min(upper[k], max(high, 0.0))
-    moved = pin.difference(chain.model, guess, q) / chain.tangent_scale
-    named = leeway < np.inf
-    lower[named], upper[named] = -0.9 * leeway[named] - moved[named], 0.9 * leeway[named] - moved[named]
-    return np.minimum(lower, -1e-12), np.maximum(upper, 1e-12)
-
-
-def _cones(chain: ClosedChain) -> np.ndarray:
-    """Rows of the limits of what has no coordinate of its own: cones of balls, joints that close loops."""
-    stated = chain.limits.stated("position")
-    return stated[stated >= chain.nv]
-
-
-def _beyond_cones(chain: ClosedChain, q: Configuration, inset: float = -HOME_IN_FILE) -> FloatArray:
-    """How far these are passed, signed, in natural units; 0 for what is within, by an inset."""
-    rows = _cones(chain)
-    if not rows.size:
-        return np.zeros(0)
-    [asked] = chain.judge.asked(q[None], leave=np.arange(chain.nv))
-    sizes = chain.judge.sizes(rows)
-    values = asked.values[0] / sizes
-    lower, upper = chain.limits.bounds("position", rows).T / sizes
-    inset = np.minimum(inset, (upper - lower) / 4)
-    return values - np.clip(values, lower + inset, upper - inset)
-
-
-def _cone_rates(chain: ClosedChain, q: Configuration) -> FloatArray:
-    """(k, nv) derivative of what is passed, in natural units; 0 for what is within."""
-    rows, passed = _cones(chain), _beyond_cones(chain, q, _INSET) != 0.0
-    found = np.zeros((rows.size, chain.nv))
-    if passed.any():
-        rates = chain.judge.rates(q, np.diag(chain.tangent_scale), rows[passed])
-        found[passed] = rates / chain.judge.sizes(rows[passed])[:, None]
-    return found
-
-
-def _in_configuration(chain: ClosedChain, entries: BoolArray) -> BoolArray:
-    """Carry a mark per tangent entry over to the configuration: (nq,) of bool."""
-    return np.concatenate([np.full(joint.nq, entries[joint.idx_v]) for joint in chain.model.joints[1:]])
+    moved = moved_beyond(chain, guess, closure.q, leeway)
+    return moved or next(map(_stands_beyond, outside(chain, closure.q)), "")
 
 
 def _no_home(
-    chain: ClosedChain, guess: Configuration, leeway: FloatArray, fault: str, stuck: _Stuck
+    chain: ClosedChain, guess: Configuration, leeway: FloatArray, fault: str, stuck: Stuck
 ) -> MechanismError:
     """Say why there is no home, by the best that can be had without limits, and which limits stand in the way."""
     smallest = min(polish(chain, guess), polish(chain, stuck.q), key=lambda c: c.gap)
     if "do not close" in fault:
-        for trial in _guesses(chain, guess, leeway == np.inf):
+        for trial in guesses(chain, guess, leeway == np.inf):
             closure = polish(chain, trial)
             own = _fault(chain, guess, closure, leeway)
             if closure.success and own:
@@ -547,8 +369,8 @@ def _no_home(
             smallest = min(smallest, closure, key=lambda c: c.gap)
         else:
             # Newton's method alone closes few large mechanisms from afar.
-            loose = _bounded(_unlimited(chain), guess, leeway, 0.0, cones=False) if stuck.held else stuck
-            closure = smallest if isinstance(loose, _Stuck) else polish(chain, loose)
+            loose = bounded(_unlimited(chain), guess, leeway, cones=False) if stuck.held else stuck
+            closure = smallest if isinstance(loose, Stuck) else polish(chain, loose)
             fault = _fault(chain, guess, closure, leeway) or fault
     if stuck.held and "beyond its limits" in fault:
         held = ", ".join(f"'{name}'" for name in stuck.held)
@@ -583,19 +405,11 @@ def _stands_beyond(excess: Excess) -> str:
     return f"joint '{excess.joint}' would stand at {excess.value:.6g}, beyond its limits {least:.6g} to {most:.6g}"
 
 
-def _moved(chain: ClosedChain, guess: Configuration, q: Configuration, leeway: FloatArray) -> str:
-    moved = np.abs(pin.difference(chain.model, guess, q) / chain.tangent_scale)
-    worst = int(np.argmax(np.where(moved > leeway, moved, 0.0)))
-    if not moved[worst] > leeway[worst]:
-        return ""
-    return f"closing them moves joint '{chain.tangent_names[worst]}' by {moved[worst]:.3g} robot sizes or radians"
-
-
 def _told_of(chain: ClosedChain, q: Configuration) -> list[Note]:
     """Tell in the report when home is another configuration than the file's, by digits or because that was a guess."""
     guess = chain.mechanism.home_is_guess
     leeway = np.full(chain.nv, HOME_IN_FILE) if guess else _leeway(chain)
-    moved = _moved(chain, home_guess(chain), q, leeway)
+    moved = moved_beyond(chain, home_guess(chain), q, leeway)
     why = "as loops and limits demand" if guess else "which the digits of the file explain"
     return [Note("home", f"{moved}, {why}", Outcome.CHANGED)] if moved else []
 
@@ -607,11 +421,6 @@ def _inside(chain: ClosedChain, guess: Configuration, q: Configuration, leeway: 
     if not {excess.joint for excess in chain.judge.positions(q)} - named:
         return q
     within = np.clip(q, chain.model.lowerPositionLimit, chain.model.upperPositionLimit)
-    start = np.where(_in_configuration(chain, free), within, guess)
-    found = _bounded(chain, start, leeway, 0.0, cones=True)
-    return q if isinstance(found, _Stuck) else found
-
-
-def _outside(chain: ClosedChain, q: Configuration) -> tuple[Excess, ...]:
-    """List joints of the tree beyond their ranges; a home with few digits may be so by what it lacks."""
-    return chain.judge.positions(q, slack=HOME_IN_FILE, entries=np.arange(chain.nv))
+    start = np.where(in_configuration(chain, free), within, guess)
+    found = bounded(chain, start, leeway, cones=True)
+    return q if isinstance(found, Stuck) else found
