@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from stewart_pin.building.exporting import export
 from stewart_pin.building.loading import load, robots
+from stewart_pin.checks import as_array
 from stewart_pin.errors import StewartPinError
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import as_pose
@@ -200,7 +201,9 @@ class Page:
         return Step(self.shown.state, self.shown.said, efforts)
 
     def _load(self, name: str) -> None:
-        self._put_up(load(name))
+        # A page may send anything, a path to some file as well.
+        if self._menu is not None and name in self._menu:
+            self._put_up(load(name))
 
     def _go(self, where: str) -> Step:
         return Step(self.chain.home_state()) if where == "home" else random_reachable(self.hand, self._rng)
@@ -327,8 +330,10 @@ class Page:
         for grip in self.hand.platform:
             slider = self._sliders[f"platform {grip.name}"][0]
             values[TWIST_AXES.index(grip.name)] = slider.value if grip.is_length else np.radians(slider.value)  # type: ignore[arg-type]
-        pose = pin.SE3(pin.rpy.rpyToMatrix(values[3:]), values[:3])
-        return move_platform(self.hand, self.shown.state, pose)
+        values = as_array("values of the sliders", values, (6,))
+        return move_platform(
+            self.hand, self.shown.state, pin.SE3(pin.rpy.rpyToMatrix(values[3:]), values[:3])
+        )
 
     def _to_joint(self, key: str, name: str) -> Step:
         slider, grip = self._sliders[key]
@@ -337,8 +342,11 @@ class Page:
 
     def _on_gizmo(self, event: Any) -> None:
         self._dragging = event.phase != "end"
-        pose = as_pose("pose", _homogeneous(event.target))
-        self.ask("gizmo", lambda: move_platform(self.hand, self.shown.state, pose))
+        w, *xyz = np.asarray(event.target.wxyz) / (np.linalg.norm(event.target.wxyz) or 1.0)
+        at = np.array([*event.target.position, *xyz, w])
+        self.ask(
+            "gizmo", lambda: move_platform(self.hand, self.shown.state, as_pose("pose of the gizmo", at))
+        )
 
     def _save_picture(self, event: Any) -> None:
         if event.client is not None:
@@ -493,12 +501,6 @@ def _joints_at_home(chain: ClosedChain) -> list[pin.SE3]:
     data = pin.Data(chain.model)
     pin.framesForwardKinematics(chain.model, data, chain.q_home)
     return list(data.oMf)
-
-
-def _homogeneous(handle: Any) -> FloatArray:
-    w, x, y, z = handle.wxyz
-    turn = pin.Quaternion(np.array([x, y, z, w])).normalized()
-    return pin.SE3(turn, np.array(handle.position)).homogeneous
 
 
 def _plain(text: str) -> str:

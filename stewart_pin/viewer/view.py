@@ -42,8 +42,9 @@ class Viewer:
 
     @property
     def state(self) -> State:
-        """Where it stands, at rest."""
-        return self.page.shown.state
+        """Where it stands, a state of the caller's own: one thread at a time may ask it."""
+        shown = self.page.shown.state
+        return State(shown.chain, shown.q, shown.v)
 
     def wait(self) -> None:
         """Serve the page until Ctrl-C."""

@@ -147,3 +147,18 @@ def test_a_simulation_is_played():
         stp.view(chain, motion=[1, 2])  # type: ignore[arg-type]
     with pytest.raises(stp.errors.InputError, match="of a chain"):
         stp.view(motion=run)
+
+
+def test_what_a_page_sends_is_not_trusted(viewer, tmp_path):
+    page = viewer.page
+    page._sliders["platform vx"][0].value = float("nan")
+    page.ask("platform vx", page._to_sliders)
+    assert page.settle()
+    np.testing.assert_array_equal(viewer.state.q, viewer.chain.q_home)
+    assert "values of the sliders" in page._message.content
+    with stp.view() as other:
+        path = tmp_path / "robot.urdf"
+        stp.write_urdf(stp.load("delta"), path)
+        other.page.ask("robot", lambda: other.page._load(str(path)))
+        assert other.page.settle()
+        assert other.chain.name == "stewart"
