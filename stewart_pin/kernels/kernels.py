@@ -42,6 +42,11 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
     "tree"       (N, nq) q with closed loops             (N, nv) v                   (N, nv) a
     ============ ======================================= =========================== ===========================
 
+    Kernels that were compiled for `wrenches` on k links take them after these, (N, 6 k) or (6 k,): [force; moment] on
+    each link, at the origin of its frame, world axes, link by link. A wrench on the ground does nothing. Kernels that
+    were compiled without take none. What spins an idle link that has no inertia has no answer; nor has it, in platform
+    and motor coordinates, where it tells how the link stands, as of a thin rod that is round to six digits.
+
     Every verb takes, of the kernels' own type:
 
     ============== ===============================================================================================
@@ -80,7 +85,7 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
         return f"<Kernels of {self.chain.name!r} in {self.coordinates} coordinates, {self._dtype}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt, (self.chain, self.coordinates, self._dtype, self._engine)
+        return _rebuilt, (self.chain, self.coordinates, self._dtype, self._engine, self.wrenches)
 
     @property
     def report(self) -> KernelReport:
@@ -92,6 +97,7 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
         functions = self._functions
         return KernelReport(
             coordinates=self.coordinates,
+            wrenches=self.wrenches,
             route="tree" if functions.placed is None else "legs",
             why_tree=functions.why_whole_tree,
             freedoms=functions.freedoms,
@@ -101,10 +107,16 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
         )
 
 
-def _rebuilt(chain: ClosedChain, coordinates: Any, dtype: DTypeLike, engine: Engine | None) -> Kernels:
+def _rebuilt(
+    chain: ClosedChain,
+    coordinates: Any,
+    dtype: DTypeLike,
+    engine: Engine | None,
+    wrenches: tuple[str, ...],
+) -> Kernels:
     from stewart_pin.kernels.graph.function_set import FunctionSet  # noqa: PLC0415 - needs CasADi
 
-    return Kernels(FunctionSet(chain, coordinates), dtype, engine)
+    return Kernels(FunctionSet(chain, coordinates, wrenches=wrenches), dtype, engine)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -151,6 +163,8 @@ class KernelReport(Brief):
     ----------
     coordinates
         ``"platform"``, ``"motor"`` or ``"tree"``.
+    wrenches
+        Links on which wrenches act from outside.
     route
         ``"legs"``: leg by leg, in closed form, in motor coordinates from a pose found by Newton steps; ``"tree"``: the
         whole tree, its configuration found by Newton steps.
@@ -168,6 +182,7 @@ class KernelReport(Brief):
     """
 
     coordinates: str
+    wrenches: tuple[str, ...]
     route: str
     why_tree: str
     freedoms: int
@@ -182,7 +197,8 @@ class KernelReport(Brief):
             steps = "" if self.coordinates == "tree" else f" by Newton steps ({self.why_tree})"
             way = f"the whole tree{steps}"
         counts = [f"{name}: {count} operations" for name, count in self.operations.items()]
-        head = f"{self.freedoms} freedom(s) in {self.coordinates} coordinates, {way}"
+        loads = f", wrenches on {', '.join(self.wrenches)}" if self.wrenches else ""
+        head = f"{self.freedoms} freedom(s) in {self.coordinates} coordinates, {way}{loads}"
         return "\n".join([head, *map(str, self.blocks), *counts])
 
 
@@ -261,6 +277,7 @@ def compile_kernels(
     chain: ClosedChain,
     *,
     coordinates: Literal["platform", "motor", "tree"] = "platform",
+    wrenches: Sequence[str] = (),
     dtype: DTypeLike = np.float64,
     engine: Engine | None = None,
 ) -> Kernels:
@@ -273,6 +290,9 @@ def compile_kernels(
     coordinates
         ``"platform"``: states are poses, twists and accelerations of the platform; ``"motor"``: positions, rates and
         accelerations of the motors; ``"tree"``: q, v and a of the whole spanning tree, for any chain.
+    wrenches
+        Links on which something acts from outside, ``(chain.platform,)`` for example. The verbs of dynamics then take
+        `wrenches` as a further array, (N, 6) or (6,) for each link in this order: see `Kernels`.
     dtype
         numpy.float64 or numpy.float32, the type of every operation.
     engine
@@ -288,9 +308,10 @@ def compile_kernels(
     MissingExtraError
         If CasADi is not installed.
     UnsupportedError
-        If the chain cannot be compiled, with the reason.
+        If the chain cannot be compiled, with the reason; or a wrench acts at a point that idle freedoms move, of which
+        poses and motors do not tell where they stand.
     InputError
-        If an option is unknown.
+        If an option or a link is unknown, or a link is named twice.
 
     Examples
     --------
@@ -299,6 +320,10 @@ def compile_kernels(
     >>> pose, rest = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]]), np.zeros((1, 6))
     >>> kernels.inverse_dynamics(pose, rest, rest).round(2)
     array([[49.99, 49.99, 49.99, 49.99, 49.99, 49.99]])
+
+    >>> loaded, weight = stp.compile_kernels(stp.load("stewart"), wrenches=("platform",)), [0, 0, -60, 0, 0, 0]
+    >>> loaded.inverse_dynamics(pose, rest, rest, weight).round(2)
+    array([[60.52, 60.52, 60.52, 60.52, 60.52, 60.52]])
     """
     as_chain(chain)
     if coordinates not in ("platform", "motor", "tree"):
@@ -309,4 +334,14 @@ def compile_kernels(
         if error.name != "casadi":
             raise
         raise MissingExtraError("casadi", "kernels") from None
-    return Kernels(FunctionSet(chain, coordinates), dtype, engine)
+    return Kernels(FunctionSet(chain, coordinates, wrenches=_links(wrenches)), dtype, engine)
+
+
+def _links(wrenches: Sequence[str]) -> tuple[str, ...]:
+    """Take names of links, each once."""
+    if isinstance(wrenches, str) or not isinstance(wrenches, Sequence):
+        raise InputError(f"wrenches must be a sequence of names of links, as ('platform',), got {wrenches!r}")
+    twice = [name for k, name in enumerate(wrenches) if name in wrenches[:k]]
+    if twice:
+        raise InputError(f"wrenches names {twice[0]!r} twice; give the sum of what acts on a link")
+    return tuple(wrenches)

@@ -32,6 +32,7 @@ class HeldState:
     rates: np.ndarray
     accelerations: np.ndarray
     efforts: np.ndarray
+    wrenches: Mapping[str, np.ndarray] | None = None
 
     @property
     def pose(self) -> pin.SE3:
@@ -56,10 +57,11 @@ class HeldState:
             v = v - idle @ np.linalg.pinv(idle.T @ M @ idle) @ (idle.T @ M @ v)
         bias = _bias(chain, self.coordinates, q, v)
         if verb == "forward_dynamics":
-            moved = stp.forward_dynamics(chain, q, v, self.efforts).a
+            moved = stp.forward_dynamics(chain, q, v, self.efforts, wrenches=self.wrenches).a
             return _drive(chain, self.coordinates, q) @ moved + bias
         wanted = np.concatenate([-stp.loop_bias(chain, q, v), (self.accelerations - bias)[list(self.rows)]])
-        return stp.inverse_dynamics(chain, q, v, self._least(jacobian, wanted)).tau_motor
+        a = self._least(jacobian, wanted)
+        return stp.inverse_dynamics(chain, q, v, a, wrenches=self.wrenches).tau_motor
 
     def _jacobian(self, chain: stp.ClosedChain, q: np.ndarray) -> np.ndarray:
         return np.vstack([chain.at(q).J_c, _drive(chain, self.coordinates, q)[list(self.rows)]])

@@ -7,6 +7,7 @@ this moves along the motion that the drive imposes, so that loops stay closed.
 from __future__ import annotations
 
 import casadi as ca
+import numpy as np
 
 from stewart_pin.kernels.graph.driven_tree import DrivenTree, follow
 from stewart_pin.kernels.graph.platform_dynamics import (
@@ -98,31 +99,31 @@ def platform_derivatives(placed: PlacedPlatform, name: str) -> ca.Function:
     twist, acceleration = ca.SX.sym("twist", 6), ca.SX.sym("acceleration", 6)
     tau_motor = ca.SX.sym("tau_motor", len(plan.tree.motors))
     wrench, columns = balance(placed, twist, acceleration)
+    acting = list(placed.outside.values())
     share, left = placed.project(columns), placed.project(wrench - columns @ tau_motor)
     changes = [ca.jacobian(left, pose) @ pose_chart(pose), ca.jacobian(left, twist)]
+    changes.append(ca.jacobian(left, acceleration) if inverse else -share)
+    changes += [ca.jacobian(left, wrenches) for wrenches in acting]
     if inverse:
-        changes.append(ca.jacobian(left, acceleration))
         motors = plan.chain.tangent_scale[list(plan.tree.motors)]
         values = placed.values(share) * placed.twist_scale[:, None] / motors
         result = solve_square(share, ca.horzcat(*changes), values, "the motors' share")[0]
     else:
-        changes.append(-share)
         inertia, values = platform_mass_matrix(placed)
         result = -constant(plan.twists) @ ca.vertcat(
             *solve_symmetric(inertia, ca.horzcat(*changes), values)[0]
         )
-    symbols = [pose, twist, acceleration, tau_motor]
+    symbols = [pose, twist, acceleration, tau_motor, *acting]
     solved = ca.Function("derivatives", symbols, [result])
     third = acceleration if inverse else tau_motor
-    answers = function.call([pose, twist, third])
-    result = solved.call([pose, twist, third, answers[0]] if inverse else [pose, twist, answers[0], third])[0]
-    names = [*function.name_in()]
-    outputs = dict(
-        zip((f"by_{x}" for x in names), ca.horzsplit(result, [0, 6, 12, result.shape[1]]), strict=True)
-    )
-    if len(answers) > 1:
-        outputs["infeasible"] = answers[1]
-    return shared(f"{name}_derivatives", dict(zip(names, [pose, twist, third], strict=True)), outputs)
+    inputs = dict(zip(function.name_in(), [pose, twist, third, *acting], strict=True))
+    answers = function.call(list(inputs.values()))
+    both = [third, answers[0]] if inverse else [answers[0], third]
+    result = solved.call([pose, twist, *both, *acting])[0]
+    ends = np.cumsum([0, *(change.shape[1] for change in changes)]).tolist()
+    outputs = dict(zip((f"by_{x}" for x in inputs), ca.horzsplit(result, ends), strict=True))
+    outputs |= dict(zip(function.name_out()[1:], answers[1:], strict=True))
+    return shared(f"{name}_derivatives", inputs, outputs)
 
 
 def dynamics_derivatives(function: ca.Function, driven: DrivenTree | None) -> ca.Function:
@@ -138,8 +139,9 @@ def dynamics_derivatives(function: ca.Function, driven: DrivenTree | None) -> ca
     Returns
     -------
     casadi.Function
-        Same inputs; three matrices ``by_NAME``, one for each input, with as many rows as the function's result. For a
+        Same inputs; matrices ``by_NAME``, one for each input, with as many rows as the function's result. For a
         platform with fewer than six freedoms they hold along displacements, twists and accelerations that it can do.
+        What acts from outside is held in world axes, at points that move with their links.
     """
     inputs = function.sx_in()
     names = function.name_in()
@@ -150,10 +152,8 @@ def dynamics_derivatives(function: ca.Function, driven: DrivenTree | None) -> ca
         columns = [follow(driven, k) for k in range(driven.drive.shape[1])]
         moved = ca.substitute([ca.horzcat(*columns)], [driven.closed.q], [inputs[0]])[0]
         along = configuration_chart(driven.closed.tree, inputs[0]) @ moved
-    by_state = ca.jacobian(result, inputs[0]) @ along
-    matrices = [by_state, ca.jacobian(result, inputs[1]), ca.jacobian(result, inputs[2])]
+    matrices = [ca.jacobian(result, inputs[0]) @ along, *(ca.jacobian(result, x) for x in inputs[1:])]
     of = names if driven is None else ["position", *names[1:]]
     outputs = {f"by_{name}": matrix for name, matrix in zip(of, matrices, strict=True)}
-    if "infeasible" in function.name_out():
-        outputs["infeasible"] = function.call(inputs)[function.name_out().index("infeasible")]
+    outputs |= dict(zip(function.name_out()[1:], function.call(inputs)[1:], strict=True))
     return shared(f"{function.name()}_derivatives", dict(zip(names, inputs, strict=True)), outputs)

@@ -146,30 +146,32 @@ def by_motors(driven: DrivenPlatform, function: ca.Function) -> ca.Function:
     driven
         Platform, driven.
     function
-        ``(pose, twist, acceleration) -> result``, or ``(pose, twist, tau_motor) -> acceleration``; its other outputs
-        judge what the platform is asked to do.
+        ``(pose, twist, acceleration) -> result``, or ``(pose, twist, tau_motor) -> acceleration``, perhaps with what
+        acts from outside; its other outputs judge what the platform is asked to do.
 
     Returns
     -------
     casadi.Function
         ``(pose, velocity, acceleration) -> result``, or ``(pose, velocity, tau_motor) -> acceleration``, (7, 1) and
-        (nu, 1) each, acceleration that of the motors; with `infeasible` where there are motors to spare.
+        (nu, 1) each, acceleration that of the motors, and what acts from outside; with `infeasible` where there are
+        motors to spare.
     """
     placed, third = driven.placed, function.name_in(2)
     velocity, last = ca.SX.sym("velocity", driven.motors), ca.SX.sym(third, driven.motors)
+    acting = dict(zip(function.name_in()[3:], function.sx_in()[3:], strict=True))
     twist = driven.follow(velocity)
     drift = motor_accelerations(placed, twist, ca.SX.zeros(6))
     asked = (driven.jacobian @ twist, velocity)
     if third == "acceleration":
         acceleration = driven.follow(last - drift)
-        result = function.call([placed.pose, twist, acceleration])[0]
+        result = function.call([placed.pose, twist, acceleration, *acting.values()])[0]
         beside = driven.infeasible(asked, (driven.jacobian @ acceleration + drift, last))
     else:
-        result = driven.jacobian @ function.call([placed.pose, twist, last])[0] + drift
+        result = driven.jacobian @ function.call([placed.pose, twist, last, *acting.values()])[0] + drift
         beside = driven.infeasible(asked)
     return shared(
         function.name(),
-        {"pose": placed.pose, "velocity": velocity, third: last},
+        {"pose": placed.pose, "velocity": velocity, third: last, **acting},
         {function.name_out(0): result, **beside},
     )
 
@@ -195,11 +197,13 @@ def derivatives_by_motors(
     -------
     casadi.Function
         ``(pose, velocity, acceleration or tau_motor) -> (by_position, by_velocity, ...)``, (7, 1) and (nu, 1) to
-        (nu, nu) each; with `infeasible` as `by_motors`. They hold for what the motors can do.
+        (nu, nu) each, and ``by_wrenches`` where something acts from outside; with `infeasible` as `by_motors`. They
+        hold for what the motors can do.
     """
     placed, third = driven.placed, function.name_in(2)
     inverse, pose, twists = third == "acceleration", placed.pose, constant(placed.plan.twists)
     velocity, last = ca.SX.sym("velocity", driven.motors), ca.SX.sym(third, driven.motors)
+    acting = dict(zip(function.name_in()[3:], function.sx_in()[3:], strict=True))
     twist, acceleration = ca.SX.sym("twist", 6), ca.SX.sym("acceleration", 6)
     done = motor_accelerations(placed, twist, acceleration)
     along = pose_chart(pose) @ twists
@@ -219,8 +223,8 @@ def derivatives_by_motors(
         drift = motor_accelerations(placed, moved, ca.SX.zeros(6))
         platform_third = accelerated = driven.follow(last - drift)
     else:
-        platform_third, accelerated = last, function.call([pose, moved, last])[0]
-    parts = derivatives.call([pose, moved, platform_third])[:3]
+        platform_third, accelerated = last, function.call([pose, moved, last, *acting.values()])[0]
+    parts = derivatives.call([pose, moved, platform_third, *acting.values()])
     by_pose, by_twist = (part @ twists for part in parts[:2])
     rates_by_pose, by_pose_done, by_twist_done, made = bends.call([pose, moved, accelerated])
     turned = -back @ rates_by_pose  # of twists by poses, at constant rates
@@ -230,20 +234,21 @@ def derivatives_by_motors(
         sped = -back @ (by_pose_done + by_twist_done @ turned)
         by_position = by_pose + by_twist @ turned + by_acceleration @ sped
         by_velocity = by_twist - by_acceleration @ (back @ by_twist_done)
-        by_third = by_acceleration @ back
+        by_third, by_acting = by_acceleration @ back, parts[3:]
         beside.append((made, last))
     else:
         by_position = by_pose_done + by_twist_done @ turned
         by_position += driven.jacobian @ (by_pose + by_twist @ turned)
         by_velocity = by_twist_done + driven.jacobian @ by_twist
-        by_third = driven.jacobian @ parts[2]
+        by_third, *by_acting = (driven.jacobian @ part for part in parts[2 : 3 + len(acting)])
     return shared(
         f"{function.name()}_derivatives",
-        {"pose": pose, "velocity": velocity, third: last},
+        {"pose": pose, "velocity": velocity, third: last, **acting},
         {
             "by_position": by_position @ back,
             "by_velocity": by_velocity @ back,
             f"by_{third}": by_third,
+            **{f"by_{name}": part for name, part in zip(acting, by_acting, strict=False)},
             **driven.infeasible(*beside),
         },
     )

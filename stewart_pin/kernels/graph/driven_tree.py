@@ -202,7 +202,7 @@ def driven_reactions(driven: DrivenTree) -> ca.Function:
 def _inverse(driven: DrivenTree) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, ca.SX]:
     inputs, v, a, infeasible = driven_motion(driven)
     tau_motor, lambda_c = tree_inverse_dynamics(driven.closed, v, a)
-    return inputs, tau_motor, lambda_c, infeasible
+    return {**inputs, **driven.closed.outside}, tau_motor, lambda_c, infeasible
 
 
 def driven_velocity(driven: DrivenTree) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -279,7 +279,7 @@ def driven_forward_dynamics(driven: DrivenTree) -> ca.Function:
         acceleration = acceleration + platform_bias(closed, v)
     return shared(
         "forward_dynamics",
-        {"q": closed.q, "velocity": velocity, "tau_motor": tau_motor},
+        {"q": closed.q, "velocity": velocity, "tau_motor": tau_motor, **closed.outside},
         {"acceleration": acceleration, "infeasible": infeasible},
     )
 

@@ -7,7 +7,7 @@ configuration, which Newton steps find first.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Literal, NamedTuple
 
@@ -40,20 +40,26 @@ from stewart_pin.kernels.graph.verbs import (
     Solved,
     Verb,
     platform_conditioning,
+    platform_push,
     tree_conditioning,
+    tree_push,
 )
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.planning.samples import (
     closed_samples,
+    pushes_idle,
     require_idle_without_effect,
     require_standing_frames,
+    require_standing_points,
+    telling_wrenches,
 )
 from stewart_pin.kernels.planning.tree import tree_of
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.description import JointKind
 from stewart_pin.programs.symbolic import drop, writing, written_once
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import outside_places
 from stewart_pin.typing import BoolArray, Configuration, FloatArray
 
 Coordinates = Literal["platform", "motor", "tree"]
@@ -87,21 +93,32 @@ class FunctionSet:
     around
         (nq,) regular configuration around which functions of the whole tree serve; None is home, where the chain is
         taken apart into legs if it can be [m, rad, unit quaternions].
+    wrenches
+        Links on which wrenches act from outside.
 
     Raises
     ------
     UnsupportedError
         If the coordinates do not determine the chain's motion or its efforts, or a joint or closure has no graph.
+    InputError
+        If a link is unknown.
     """
 
     def __init__(
-        self, chain: ClosedChain, coordinates: Coordinates, around: Configuration | None = None
+        self,
+        chain: ClosedChain,
+        coordinates: Coordinates,
+        around: Configuration | None = None,
+        *,
+        wrenches: Sequence[str] = (),
     ) -> None:
         if coordinates == "platform":
             chain.platform_link  # noqa: B018 - raises
         elif coordinates == "motor":
             chain.require_motors()
+        outside_places(chain, wrenches)
         self.chain = chain
+        self.wrenches = tuple(wrenches)
         self._around = around
         self.coordinates: Coordinates = coordinates
         self.placed: PlacedPlatform | None = None
@@ -118,6 +135,7 @@ class FunctionSet:
         chain, coordinates, around = self.chain, self.coordinates, self._around
         if coordinates != "tree" and around is None:
             require_idle_without_effect(chain, closed_samples(chain, count=1)[0])
+            require_standing_points(chain, self.wrenches)
             try:
                 if chain.platform is not None:
                     self._take_apart()
@@ -132,7 +150,7 @@ class FunctionSet:
             self.freedoms = self.driven.determined
 
     def _take_apart(self) -> None:
-        placed = platform_dynamics.place_platform(plan_platform(self.chain))
+        placed = platform_dynamics.place_platform(plan_platform(self.chain, self.wrenches))
         if self.coordinates == "motor":
             platform_kinematics.motor_position_expressions(placed)  # refuses what its equations cannot say
             self.driven_platform = driven_platform.drive_platform(placed)
@@ -141,12 +159,13 @@ class FunctionSet:
     @written_once
     def closed(self) -> ClosedTree:
         """The whole tree with its loop rows eliminated."""
-        return close_tree(self.chain, self._around, closed=self.coordinates != "tree")
+        closed = self.coordinates != "tree"
+        return close_tree(self.chain, self._around, closed=closed, wrenches=self.wrenches)
 
     @written_once
     def any_state(self) -> ClosedTree:
         """The same for states that may be a little off closed loops."""
-        return self.closed if self.coordinates == "tree" else close_tree(self.chain)
+        return self.closed if self.coordinates == "tree" else close_tree(self.chain, wrenches=self.wrenches)
 
     @property
     def replanned(self) -> bool:
@@ -171,7 +190,7 @@ class FunctionSet:
         UnsupportedError
             If the loops close at no displacement.
         """
-        return FunctionSet(self.chain, self.coordinates, q)
+        return FunctionSet(self.chain, self.coordinates, q, wrenches=self.wrenches)
 
     def around_home(self, state: str) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Tell from where Newton steps look for a state.
@@ -361,7 +380,10 @@ class FunctionSet:
     @written_once
     def displacements(self) -> MobileDisplacements:
         """Displacements of the geometry along which there is a derivative."""
-        return mobile_displacements(self.closed, self._drive, lambda: self._by_tree(DIFFERENTIABLE[0]))
+        size = np.tile(np.repeat([1.0, self.chain.length_scale], 3), len(self.wrenches))
+        spun = np.tile(np.repeat([0.0, 1.0], 3), len(self.wrenches)) * self._told
+        write = partial(self._by_tree, DIFFERENTIABLE[0])
+        return mobile_displacements(self.closed, self._drive, write, size * (1 - spun))
 
     @written_once
     def held(self) -> HeldMotion:
@@ -436,3 +458,33 @@ class FunctionSet:
                 )
             held = self.held if row.held else None
             return tree_conditioning(self.closed, self._drive, motors=motors, held=held)
+
+    def push_of(self, name: str, function: ca.Function) -> ca.Function | None:
+        """Write by how much wrenches push idle motions of which nothing says how they accelerate.
+
+        Parameters
+        ----------
+        name
+            One of `names`.
+        function
+            What it stands for.
+
+        Returns
+        -------
+        casadi.Function or None
+            Of the function's first input and its wrenches; None where that cannot be, or nothing is judged.
+        """
+        if self._row(name).solves == "nothing" or "wrenches" not in function.name_in():
+            return None
+        with writing():
+            if not pushes_idle(self.chain, self.wrenches):
+                return None
+            if self.placed is not None and function.name_in(0) == "pose":
+                return platform_push(self.placed, self._told)
+            return tree_push(self.closed, self._told)
+
+    @written_once
+    def _told(self) -> FloatArray:
+        """(n,) one for wrenches whose effect depends on where idle freedoms stand, where that is not given."""
+        told = () if self.coordinates == "tree" else telling_wrenches(self.chain, self.wrenches)
+        return np.repeat([float(link in told) for link in self.wrenches], 6)

@@ -34,7 +34,6 @@ from stewart_pin.kernels.graph.held_motion import (
     condition_gaps,
     hold_motors,
 )
-from stewart_pin.kernels.graph.joint_motion import at_rest, motions, tree_efforts
 from stewart_pin.kernels.graph.platform_dynamics import (
     PlacedPlatform,
     balance,
@@ -46,6 +45,7 @@ from stewart_pin.kernels.graph.platform_dynamics import (
 from stewart_pin.kernels.graph.state_functions import openness
 from stewart_pin.kernels.graph.whole_tree import (
     ClosedTree,
+    demanded_efforts,
     idle_accelerations,
     inertia_times,
     let_idle_go,
@@ -104,10 +104,8 @@ class _Sums:
 
     def total(self, closed: ClosedTree) -> ca.SX:
         """Write w·f + α·c_a, iᵀ M v and the pairs for the chain as it is or displaced: (results, 1)."""
-        joints, on_platform = closed.tree.joints, self.held.on_platform
-        falling = at_rest(constant(closed.tree.gravity))
-        efforts = tree_efforts(joints, closed.at, motions(joints, closed.at, self.v, self.a, falling), self.a)
-        efforts = efforts - closed.columns.transpose @ self.lambda_c
+        on_platform = self.held.on_platform
+        efforts = demanded_efforts(closed, self.v, self.a) - closed.columns.transpose @ self.lambda_c
         rows = condition_columns(closed, on_platform).T
         total = self.work.T @ efforts + self.bias.T @ condition_bias(closed, on_platform, self.v)
         if self.idle is not None:
@@ -121,8 +119,13 @@ class _Sums:
 
     def evaluated(self, held: _Sums, expression: ca.SX) -> ca.SX:
         """Give the symbols of `held` in an expression their values."""
-        q = self.held.closed.q
-        return ca.Function("held", [q, *held.values()], [expression]).call([q, *self.values()])[0]
+        given = self.given
+        return ca.Function("held", [*given, *held.values()], [expression]).call([*given, *self.values()])[0]
+
+    @property
+    def given(self) -> list[ca.SX]:
+        """Symbols that are not held: the configuration, and what acts from outside."""
+        return [self.held.closed.q, *self.held.closed.outside.values()]
 
 
 def tree_geometry_derivatives(held: HeldMotion, driven: DrivenTree | None, name: str) -> ca.Function:
@@ -151,7 +154,7 @@ def tree_geometry_derivatives(held: HeldMotion, driven: DrivenTree | None, name:
     inverse = name == "inverse_dynamics"
     inputs, judges, found = (_inverse if inverse else _forward)(held, driven)
     outputs = {"by_geometry": _by_geometry(found), **judges}
-    return shared(f"{name}_by_tree", inputs, outputs)
+    return shared(f"{name}_by_tree", {**inputs, **held.closed.outside}, outputs)
 
 
 def _inverse(held: HeldMotion, driven: DrivenTree | None) -> tuple[dict[str, ca.SX], dict[str, ca.SX], _Sums]:
@@ -165,8 +168,7 @@ def _inverse(held: HeldMotion, driven: DrivenTree | None) -> tuple[dict[str, ca.
     else:
         inputs, v, a, infeasible = driven_motion(driven)
         judges = {"infeasible": infeasible}
-    falling = at_rest(constant(tree.gravity))
-    demanded = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling), a)
+    demanded = demanded_efforts(closed, v, a)
     own: list[ca.SX] = []
 
     def let_go(idle: ca.SX, scale: FloatArray) -> ca.SX:
@@ -253,8 +255,8 @@ def _by_geometry(sums: _Sums) -> ca.SX:
     gaps = condition_gaps(displaced, closed, held.on_platform)
     change = ca.jacobian(symbols.total(displaced) + held_positions.T @ gaps, displacement)
     change = ca.substitute(change, displacement, ca.SX.zeros(*displacement.shape))
-    function = ca.Function("change", [closed.q, held_positions, *symbols.values()], [change])
-    return function.call([closed.q, positions, *sums.values()])[0]
+    function = ca.Function("change", [*sums.given, held_positions, *symbols.values()], [change])
+    return function.call([*sums.given, positions, *sums.values()])[0]
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -322,16 +324,17 @@ def leg_geometry_derivatives(placed: PlacedPlatform, name: str) -> ca.Function:
     else:
         inertia, values = platform_mass_matrix(moved)
         result = -constant(plan.twists) @ ca.vertcat(*solve_symmetric(inertia, change, values)[0])
-    state = [moved.pose, twist, acceleration, tau_motor]
+    state = [moved.pose, twist, acceleration, tau_motor, *moved.outside.values()]
     # The point of the derivative: no shift.
     result = ca.substitute(result, symbols, ca.SX.zeros(*symbols.shape))
     solved = ca.Function("derivatives", state, [result])
     function = (inverse_dynamics_function if inverse else forward_dynamics_function)(placed)
     third = acceleration if inverse else tau_motor
-    answer = function.call([moved.pose, twist, third])[0]
+    given, acting = [moved.pose, twist, third, *moved.outside.values()], moved.outside.values()
+    answer = function.call(given)[0]
     full = [moved.pose, twist, third, answer] if inverse else [moved.pose, twist, answer, third]
-    inputs = dict(zip(function.name_in(), [moved.pose, twist, third], strict=True))
-    return shared(f"{name}_by_legs", inputs, {"by_geometry": solved.call(full)[0]})
+    inputs = dict(zip(function.name_in(), given, strict=True))
+    return shared(f"{name}_by_legs", inputs, {"by_geometry": solved.call([*full, *acting])[0]})
 
 
 def _shifted(plan: PlatformPlan, moves: Moves) -> tuple[Leg, ...]:

@@ -341,7 +341,7 @@ class MobileDisplacements:
 
 
 def mobile_displacements(
-    closed: ClosedTree, driven: DrivenTree | None, write: Callable[[], ca.Function]
+    closed: ClosedTree, driven: DrivenTree | None, write: Callable[[], ca.Function], acting: FloatArray
 ) -> MobileDisplacements:
     """Find the displacements along which there is a derivative, on samples around home.
 
@@ -353,6 +353,8 @@ def mobile_displacements(
         The same chain, driven; None for functions of whole states.
     write
         Writes the derivatives of inverse dynamics by the geometry, which are looked at where freedoms are idle.
+    acting
+        (n,) size of the wrenches from outside under which they are looked at [N, N m].
 
     Returns
     -------
@@ -366,7 +368,7 @@ def mobile_displacements(
     if closed.reduced.pivots.columns:
         obstacles = _spanned(_opened(closed, sizes), obstacles, _OPEN)
     if driven is not None and driven.idle.shape[1]:
-        obstacles = _spanned(_undetermined(driven, write(), sizes), obstacles, _MATTERS)
+        obstacles = _spanned(_undetermined(driven, write(), sizes, acting), obstacles, _MATTERS)
     return MobileDisplacements(obstacles, sizes)
 
 
@@ -402,7 +404,9 @@ def _opened(closed: ClosedTree, sizes: FloatArray) -> Iterator[FloatArray]:
         yield redundant.T @ opened * sizes
 
 
-def _undetermined(driven: DrivenTree, function: ca.Function, sizes: FloatArray) -> Iterator[FloatArray]:
+def _undetermined(
+    driven: DrivenTree, function: ca.Function, sizes: FloatArray, acting: FloatArray
+) -> Iterator[FloatArray]:
     """How derivatives differ with where the idle freedoms stand, relative to the largest, sample by sample."""
     chain = driven.closed.chain
     rng = np.random.default_rng(0)
@@ -415,8 +419,16 @@ def _undetermined(driven: DrivenTree, function: ca.Function, sizes: FloatArray) 
             rows, bias = state.P, state.platform_bias
         else:
             rows, bias = chain.motor_rows, np.zeros(chain.nu)
-        here, there = (np.array(function(x, rows @ v, rows @ a + bias)[0]) * sizes for x in (q, moved))
+        motion, loads = (rows @ v, rows @ a + bias), (acting * rng.normal(size=len(acting)),)
+        none = (np.zeros(len(acting)),) if len(acting) else ()
+        here, there = (np.array(function(x, *motion, *none)[0]) * sizes for x in (q, moved))
         yield (here - there) / np.abs(here).max()
+        if acting.any():  # derivatives are linear in the wrenches: their share by itself
+            shares = [
+                np.array(function(x, *motion, *loads)[0]) * sizes - free
+                for x, free in ((q, here), (moved, there))
+            ]
+            yield (shares[0] - shares[1]) / np.abs(shares[0]).max()
 
 
 def _samples(chain: ClosedChain) -> Iterator[FloatArray]:

@@ -11,15 +11,15 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.graph.joint_motion import (
-    Motions,
-    RootMotion,
+from stewart_pin.kernels.graph.body_wrenches import (
     Wrench,
     carry_down,
     efforts_of_wrenches,
     inertial_wrenches,
-    motions,
+    less,
+    outside_wrenches,
 )
+from stewart_pin.kernels.graph.joint_motion import Motions, RootMotion, motions
 from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, far_point, idle_momenta
 from stewart_pin.kernels.planning.elimination import solve_symmetric
 from stewart_pin.kernels.planning.spatial import constant, skew
@@ -45,7 +45,9 @@ class LegForces:
     reaction_columns: dict[int, ca.SX]
 
 
-def leg_forces(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX) -> LegForces:
+def leg_forces(
+    placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX, acting: ca.SX | None = None
+) -> LegForces:
     """Compute the forces that a leg takes to move as it does.
 
     Parameters
@@ -56,6 +58,8 @@ def leg_forces(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX) -> LegFo
         Motion of the platform, gravity among its acceleration.
     rates
         (nv, 1) rates of the joints.
+    acting
+        (n, 1) what acts on the chain from outside, in world axes; None for nothing.
 
     Returns
     -------
@@ -68,6 +72,8 @@ def leg_forces(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX) -> LegFo
         If a motor drives a motion that the platform does not see.
     """
     wrenches = inertial_wrenches(placed.leg.joints, leg_motions(placed, moving, rates))
+    if acting is not None:
+        wrenches = less(wrenches, acting_on(placed, moving, acting))
     needed, wrenches = _idle_obey(placed, wrenches)
     reactions = placed.solve(needed)
     columns = {motor: _motor_response(placed, entry) for motor, entry in placed.leg.motors}
@@ -77,6 +83,30 @@ def leg_forces(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX) -> LegFo
         reactions=reactions,
         reaction_columns=columns,
     )
+
+
+def acting_on(placed: PlacedLeg, moving: PlatformMotion, wrenches: ca.SX) -> dict[int, Wrench]:
+    """Tell what acts on the bodies of a leg from outside.
+
+    Parameters
+    ----------
+    placed
+        The leg.
+    moving
+        Motion of the platform; only its pose matters.
+    wrenches
+        (n, 1) what acts on the whole chain, in world axes.
+
+    Returns
+    -------
+    dict
+        ``{body: (force, moment)}`` of the leg's bodies.
+    """
+    if not placed.leg.outside:
+        return {}
+    if placed.leg.on_platform:
+        wrenches = ca.vec(moving.rotation.T @ ca.reshape(wrenches, 3, wrenches.shape[0] // 3))
+    return outside_wrenches(placed.leg.joints, placed.at, placed.leg.outside, wrenches)
 
 
 def leg_motions(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX) -> Motions:

@@ -84,7 +84,7 @@ def reactions_function(placed: PlacedPlatform) -> ca.Function:
         start += part.shape[0]
     return shared(
         "reactions",
-        {"pose": placed.pose, "twist": twist, "acceleration": acceleration},
+        {"pose": placed.pose, "twist": twist, "acceleration": acceleration, **placed.outside},
         {"lambda_c": lambda_c, **placed.infeasible(twist, acceleration)},
     )
 

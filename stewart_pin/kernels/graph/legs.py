@@ -16,16 +16,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from stewart_pin.kernels.graph.joint_motion import (
-    Placements,
+from stewart_pin.kernels.graph.body_wrenches import (
     Wrench,
-    at_rest,
     carry_down,
     efforts_of_wrenches,
     inertial_wrenches,
-    motions,
-    placements,
+    to_body,
 )
+from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, motions, placements
 from stewart_pin.kernels.graph.leg_positions import LegPositions, leg_positions
 from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_symmetric
 from stewart_pin.kernels.planning.plan import Leg, LegEnd
@@ -37,7 +35,7 @@ from stewart_pin.kernels.planning.spatial import (
     turn_from_quaternion,
     turning_matrix,
 )
-from stewart_pin.kernels.planning.tree import Tree
+from stewart_pin.kernels.planning.tree import Tree, path_down
 from stewart_pin.typing import FloatArray
 
 # ----------------------------------------------------------------------------------------------------
@@ -259,9 +257,7 @@ class PlacedLeg:
         casadi.SX
             (3, k).
         """
-        for body in reversed(self._path(end)):
-            vectors = self.at.to_parent[body].T @ vectors
-        return vectors
+        return to_body(self.leg.joints, self.at, self.leg.ends[end].body, vectors)
 
     def from_end(self, vectors: ca.SX, end: int) -> ca.SX:
         """Turn vectors from axes of the body at an end into the root's.
@@ -278,7 +274,7 @@ class PlacedLeg:
         casadi.SX
             (3, k).
         """
-        for body in self._path(end):
+        for body in path_down(self.leg.joints, self.leg.ends[end].body):
             vectors = self.at.to_parent[body] @ vectors
         return vectors
 
@@ -313,13 +309,6 @@ class PlacedLeg:
             (samples, m, n), in the same unit as the matrix.
         """
         return at_samples(*self.samples, matrix)
-
-    def _path(self, end: int) -> list[int]:
-        path, body = [], self.leg.ends[end].body
-        while body:
-            path.append(body)
-            body = self.leg.joints[body - 1].parent
-        return path
 
 
 def place_leg(leg: Leg, moving: PlatformMotion, samples: Samples, scale: FloatArray) -> PlacedLeg:

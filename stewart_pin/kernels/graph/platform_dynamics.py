@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import SingularityError
+from stewart_pin.kernels.graph.body_wrenches import outside_input
 from stewart_pin.kernels.graph.leg_forces import LegForces, leg_forces, leg_inertia
 from stewart_pin.kernels.graph.legs import (
     PlacedLeg,
@@ -47,6 +48,8 @@ class PlacedPlatform:
         (7, 1) symbols.
     legs
         Its legs.
+    wrenches
+        (n, 1) symbols of what acts from outside, in world axes.
     shifts
         (n, 1) symbols by which the ends of its legs are moved, or None.
     """
@@ -54,7 +57,13 @@ class PlacedPlatform:
     plan: PlatformPlan
     pose: ca.SX
     legs: tuple[PlacedLeg, ...]
+    wrenches: ca.SX
     shifts: ca.SX | None = None
+
+    @property
+    def outside(self) -> dict[str, ca.SX]:
+        """Input of functions on which something acts from outside, by its name; nothing for the others."""
+        return outside_input(self.wrenches)
 
     @property
     def twist_scale(self) -> FloatArray:
@@ -182,7 +191,8 @@ def place_platform(plan: PlatformPlan, shifts: ca.SX | None = None) -> PlacedPla
         joints = [plan.tree.joints[body - 1] for body in leg.bodies]
         entries = np.concatenate([np.arange(joint.v.start, joint.v.stop) for joint in joints])
         legs.append(place_leg(leg, moving, _samples(plan, pose, shifts), scale[entries]))
-    return PlacedPlatform(plan, pose, tuple(legs), shifts)
+    wrenches = ca.SX.sym("wrenches", 6 * len(plan.tree.outside))
+    return PlacedPlatform(plan, pose, tuple(legs), wrenches, shifts)
 
 
 def inverse_dynamics_function(placed: PlacedPlatform) -> ca.Function:
@@ -211,7 +221,7 @@ def inverse_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     tau_motor = balancing_efforts(placed, *balance(placed, twist, acceleration))
     return shared(
         "inverse_dynamics",
-        {"pose": placed.pose, "twist": twist, "acceleration": acceleration},
+        {"pose": placed.pose, "twist": twist, "acceleration": acceleration, **placed.outside},
         {"tau_motor": tau_motor, **placed.infeasible(twist, acceleration)},
     )
 
@@ -236,7 +246,7 @@ def balance(placed: PlacedPlatform, twist: ca.SX, acceleration: ca.SX) -> tuple[
 
 
 def forces_of_legs(placed: PlacedPlatform, moving: PlatformMotion) -> list[LegForces]:
-    """Compute the forces that the legs take to follow the platform.
+    """Compute the forces that the legs take to follow the platform, beside what acts on them from outside.
 
     Parameters
     ----------
@@ -250,7 +260,7 @@ def forces_of_legs(placed: PlacedPlatform, moving: PlatformMotion) -> list[LegFo
     list of LegForces
         In the order of the legs.
     """
-    return [leg_forces(leg, moving, leg_rates(leg, moving)) for leg in placed.legs]
+    return [leg_forces(leg, moving, leg_rates(leg, moving), placed.wrenches) for leg in placed.legs]
 
 
 def balance_legs(
@@ -272,10 +282,21 @@ def balance_legs(
     wrench, columns : casadi.SX
         As `balance`.
     """
-    wrench = platform_wrench(placed.plan.masses, moving)
+    wrench = platform_wrench(placed.plan.masses, moving) - _acting_on_platform(placed, moving)
     for force in forces:
         wrench = wrench - force.wrench
     return wrench, _columns(placed.plan, forces)
+
+
+def _acting_on_platform(placed: PlacedPlatform, moving: PlatformMotion) -> ca.SX:
+    """Add up what acts on the platform from outside, about its origin and in world axes: (6, 1)."""
+    tree, total = placed.plan.tree, ca.SX(6, 1)
+    for act in tree.outside:
+        if act.body == tree.platform:
+            wrench = placed.wrenches[act.entries]
+            arm = moving.rotation @ constant(act.point)
+            total += ca.vertcat(wrench[:3], wrench[3:] + ca.cross(arm, wrench[:3]))
+    return total
 
 
 def forward_dynamics_function(placed: PlacedPlatform) -> ca.Function:
@@ -310,7 +331,7 @@ def forward_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     acceleration = constant(plan.twists) @ ca.vertcat(*steps)
     return shared(
         "forward_dynamics",
-        {"pose": placed.pose, "twist": twist, "tau_motor": tau_motor},
+        {"pose": placed.pose, "twist": twist, "tau_motor": tau_motor, **placed.outside},
         {"acceleration": acceleration, **placed.infeasible(twist)},
     )
 

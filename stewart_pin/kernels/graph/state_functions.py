@@ -40,7 +40,7 @@ def inverse_dynamics_function(closed: ClosedTree) -> ca.Function:
     tau_motor, lambda_c = tree_inverse_dynamics(closed, v, a)
     return shared(
         "inverse_dynamics",
-        {"q": closed.q, "v": v, "a": a},
+        {"q": closed.q, "v": v, "a": a, **closed.outside},
         {"tau_motor": tau_motor, "lambda_c": lambda_c},
     )
 
@@ -67,7 +67,7 @@ def forward_dynamics_function(closed: ClosedTree) -> ca.Function:
     a, lambda_c = tree_forward_dynamics(closed, v, tau_motor)
     return shared(
         "forward_dynamics",
-        {"q": closed.q, "v": v, "tau_motor": tau_motor},
+        {"q": closed.q, "v": v, "tau_motor": tau_motor, **closed.outside},
         {"a": a, "lambda_c": lambda_c},
     )
 
@@ -85,8 +85,9 @@ def judged_inverse_dynamics(closed: ClosedTree) -> ca.Function:
     casadi.Function
         ``(q, v, a) -> (tau_motor, open)``.
     """
-    inputs, (tau_motor, _) = _of_state(closed)
-    return shared("inverse_dynamics", inputs, {"tau_motor": tau_motor, "open": openness(closed, **inputs)})
+    motion, (tau_motor, _) = _of_state(closed)
+    outputs = {"tau_motor": tau_motor, "open": openness(closed, **motion)}
+    return shared("inverse_dynamics", {**motion, **closed.outside}, outputs)
 
 
 def judged_forward_dynamics(closed: ClosedTree) -> ca.Function:
@@ -106,7 +107,7 @@ def judged_forward_dynamics(closed: ClosedTree) -> ca.Function:
     a, _ = tree_forward_dynamics(closed, v, tau_motor)
     return shared(
         "forward_dynamics",
-        {"q": closed.q, "v": v, "tau_motor": tau_motor},
+        {"q": closed.q, "v": v, "tau_motor": tau_motor, **closed.outside},
         {"a": a, "open": openness(closed, closed.q, v)},
     )
 
@@ -124,8 +125,9 @@ def judged_reactions(closed: ClosedTree) -> ca.Function:
     casadi.Function
         ``(q, v, a) -> (lambda_c, open)``.
     """
-    inputs, (_, lambda_c) = _of_state(closed)
-    return shared("reactions", inputs, {"lambda_c": lambda_c, "open": openness(closed, **inputs)})
+    motion, (_, lambda_c) = _of_state(closed)
+    outputs = {"lambda_c": lambda_c, "open": openness(closed, **motion)}
+    return shared("reactions", {**motion, **closed.outside}, outputs)
 
 
 def _of_state(closed: ClosedTree) -> tuple[dict[str, ca.SX], tuple[ca.SX, ca.SX]]:

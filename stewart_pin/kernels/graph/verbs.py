@@ -20,15 +20,18 @@ from stewart_pin.kernels.graph import (
     platform_kinematics,
     state_functions,
 )
+from stewart_pin.kernels.graph.body_wrenches import efforts_of_wrenches, outside_wrenches
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.held_motion import HeldMotion
+from stewart_pin.kernels.graph.leg_forces import acting_on
 from stewart_pin.kernels.graph.leg_reactions import holding_share
+from stewart_pin.kernels.graph.legs import idle_momenta, platform_motion
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
-from stewart_pin.kernels.graph.platform_kinematics import platform_pose_function
+from stewart_pin.kernels.graph.platform_kinematics import platform_columns, platform_pose_function
 from stewart_pin.kernels.graph.regressor import driven_regressor, platform_regressor, tree_regressor
-from stewart_pin.kernels.graph.whole_tree import ClosedTree
+from stewart_pin.kernels.graph.whole_tree import ClosedTree, inertia_times
 from stewart_pin.kernels.graph.whole_tree import motor_columns as tree_motor_columns
-from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots
+from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_symmetric
 from stewart_pin.kernels.planning.plan import PlatformPlan
 from stewart_pin.kernels.planning.spatial import constant, shared
 from stewart_pin.typing import FloatArray
@@ -36,6 +39,8 @@ from stewart_pin.typing import FloatArray
 _NOTHING = 1e-6
 """Size, in robot sizes and radians, of what printed digits may leave of entries that vanish; a thousand times that is
 no state at which they do."""
+_NO_WRENCH = 1e-30
+"""Wrench [N m] beside which any other is large: none leaves nothing, relative to none."""
 _SMALL = 1e-3
 """Pivots of ordinary robots are larger, relative to the largest entry of their matrix."""
 
@@ -118,6 +123,91 @@ def tree_conditioning(
         share = closed.motions.T @ tree_motor_columns(closed.tree)
         reduced.append(_share_reduced(share, closed.values, closed.motion_scale, _motor_sizes(closed)))
     return shared("conditioning", {"q": closed.q}, {"conditioning": _smallest(reduced, closed.usual)})
+
+
+def platform_push(placed: PlacedPlatform, told: FloatArray) -> ca.Function | None:
+    """Measure by how much wrenches push idle motions of which nothing says how they accelerate.
+
+    These are those without inertia, and those of links of which it would tell where they stand.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+    told
+        (n,) one for entries of wrenches that may not push any idle motion, zero for the others, dimensionless.
+
+    Returns
+    -------
+    casadi.Function or None
+        ``(pose, wrenches) -> pushed``, (1, 1) relative to the wrenches, lengths in robot sizes; None where there are
+        no such motions.
+    """
+    still = ca.SX.zeros(6)
+    moving = platform_motion(placed.plan.tree, placed.pose, still, still)
+    pushes = []
+    for leg in placed.legs:
+        if leg.leg.outside and leg.idle.shape[1]:
+            joints, moved = leg.leg.joints, idle_momenta(leg)
+            momenta = ca.horzcat(*(efforts_of_wrenches(joints, leg.at, wrench, 1) for wrench in moved))
+            efforts, telling = (
+                efforts_of_wrenches(joints, leg.at, acting_on(leg, moving, wrenches), 1)
+                for wrenches in (placed.wrenches, constant(told) * placed.wrenches)
+            )
+            pushes += _unanswered(leg.idle, momenta, efforts, leg.values)
+            pushes += ca.vertsplit(leg.idle.T @ telling)
+    return _pushed({"pose": placed.pose, **placed.outside}, pushes, placed.plan.chain.length_scale)
+
+
+def tree_push(closed: ClosedTree, told: FloatArray) -> ca.Function | None:
+    """Measure the same of the whole tree.
+
+    Parameters
+    ----------
+    closed
+        The chain.
+    told
+        (n,) as in `platform_push`, dimensionless.
+
+    Returns
+    -------
+    casadi.Function or None
+        ``(q, wrenches) -> pushed``, as `platform_push`.
+    """
+    tree, columns = closed.tree, tree_motor_columns(closed.tree)
+    if closed.chain.platform is not None:
+        columns = ca.horzcat(columns, platform_columns(closed))
+    share = closed.motions.T @ columns
+    values = closed.values(share) * closed.motion_scale[:, None]
+    reduced = Elimination(share, plan_pivots(values, list(range(share.shape[1]))))
+    idle = closed.motions @ reduced.forward(ca.SX.eye(share.shape[0]))[list(reduced.pivots.rows), :].T
+    efforts, telling = (
+        efforts_of_wrenches(
+            tree.joints, closed.at, outside_wrenches(tree.joints, closed.at, tree.outside, wrenches), 1
+        )
+        for wrenches in (closed.wrenches, constant(told) * closed.wrenches)
+    )
+    pushes = _unanswered(idle, inertia_times(closed, idle), efforts, closed.values)
+    pushes += ca.vertsplit(idle.T @ telling)
+    return _pushed({"q": closed.q, **closed.outside}, pushes, closed.chain.length_scale)
+
+
+def _unanswered(
+    idle: ca.SX, momenta: ca.SX, efforts: ca.SX, values: Callable[[ca.SX], FloatArray]
+) -> list[ca.SX]:
+    """Keep of efforts along idle motions what those with inertia leave unanswered: one for each without."""
+    inertia, right = idle.T @ momenta, idle.T @ efforts
+    steps, light, _ = solve_symmetric(inertia, right, values(inertia))
+    return [right[k] - inertia[k, :] @ ca.vertcat(*steps) for k in light]
+
+
+def _pushed(inputs: dict[str, ca.SX], pushes: list[ca.SX], length: float) -> ca.Function | None:
+    pushes = [push for push in pushes if not ca.sparsify(push).is_zero()]
+    if not pushes:
+        return None
+    size = constant(np.tile(np.repeat([length, 1.0], 3), inputs["wrenches"].shape[0] // 6))
+    worst = ca.norm_inf(ca.vertcat(*pushes)) / (_NO_WRENCH + ca.norm_inf(size * inputs["wrenches"]))
+    return shared("pushed", inputs, {"pushed": worst})
 
 
 def _motor_sizes(of: PlatformPlan | ClosedTree) -> FloatArray:

@@ -7,21 +7,15 @@ share by least norm; idle freedoms obey their own inertia, whatever the demand a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import SingularityError
-from stewart_pin.kernels.graph.joint_motion import (
-    Placements,
-    at_rest,
-    joint_placement,
-    motions,
-    placements,
-    tree_efforts,
-)
+from stewart_pin.kernels.graph.body_wrenches import outside_input, outside_wrenches, tree_efforts
+from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, joint_placement, motions, placements
 from stewart_pin.kernels.graph.loop_rows import LoopColumns, loop_bias, loop_columns
 from stewart_pin.kernels.planning.elimination import (
     REGULAR,
@@ -63,6 +57,8 @@ class ClosedTree:
         (samples, nq) configurations that the pivots were chosen on [m, rad, unit quaternions].
     around_home
         (samples, nq) configurations around home, by which it is judged what is usual [m, rad, unit quaternions].
+    wrenches
+        (n, 1) symbols of what acts from outside, in world axes.
     """
 
     chain: ClosedChain
@@ -74,6 +70,12 @@ class ClosedTree:
     motions: ca.SX
     samples: FloatArray
     around_home: FloatArray
+    wrenches: ca.SX
+
+    @property
+    def outside(self) -> dict[str, ca.SX]:
+        """Input of functions on which something acts from outside, by its name; nothing for the others."""
+        return outside_input(self.wrenches)
 
     def usual(self, pivots: ca.SX) -> FloatArray:
         """Tell how large pivots usually are: where they were chosen, or around home if they are larger there.
@@ -117,7 +119,11 @@ class ClosedTree:
 
 
 def close_tree(
-    chain: ClosedChain, around: Configuration | None = None, *, closed: bool = False
+    chain: ClosedChain,
+    around: Configuration | None = None,
+    *,
+    closed: bool = False,
+    wrenches: Sequence[str] = (),
 ) -> ClosedTree:
     """Eliminate the loop rows of a chain.
 
@@ -130,6 +136,8 @@ def close_tree(
     closed
         Whether the loops will be closed to round-off, as where the configuration is solved for: it takes fewer
         operations.
+    wrenches
+        Links on which wrenches act from outside.
 
     Returns
     -------
@@ -141,7 +149,7 @@ def close_tree(
     UnsupportedError
         If a joint or a closure has no graph, or no closed states are found to choose pivots on.
     """
-    tree = tree_of(chain)
+    tree = tree_of(chain, wrenches)
     q = ca.SX.sym("q", tree.nq)
     at = placements(tree.joints, [joint_placement(joint, q[joint.q]) for joint in tree.joints], closed=closed)
     columns = loop_columns(tree, at, q)
@@ -153,7 +161,8 @@ def close_tree(
     pivots: Pivots = plan_pivots(values, list(range(tree.nc)), rank=chain.generic.rank)
     reduced = Elimination(columns.transpose, pivots, scale)
     free = reduced.forward(ca.SX.eye(tree.nv))[list(pivots.rows), :].T
-    return ClosedTree(chain, tree, q, at, columns, reduced, free, samples, around_home)
+    acting = ca.SX.sym("wrenches", 6 * len(tree.outside))
+    return ClosedTree(chain, tree, q, at, columns, reduced, free, samples, around_home, acting)
 
 
 def tree_inverse_dynamics(closed: ClosedTree, v: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -178,12 +187,32 @@ def tree_inverse_dynamics(closed: ClosedTree, v: ca.SX, a: ca.SX) -> tuple[ca.SX
     """
     tree, chain = closed.tree, closed.chain
     require_sufficient_motors(chain)
-    falling = at_rest(constant(tree.gravity))
-    demanded = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling), a)
+    demanded = demanded_efforts(closed, v, a)
     tau_motor, needed = motor_efforts(
         closed, demanded, lambda idle, scale: let_idle_go(closed, demanded, idle, scale)
     )
     return tau_motor, _reactions(closed, needed - motor_columns(tree) @ tau_motor)
+
+
+def demanded_efforts(closed: ClosedTree, v: ca.SX, a: ca.SX) -> ca.SX:
+    """Express the joint efforts that a motion needs beside what acts from outside: M a + nle - Σ J_fᵀ w_f.
+
+    Parameters
+    ----------
+    closed
+        Chain at its configuration.
+    v, a
+        (nv, 1) tangent velocity and acceleration.
+
+    Returns
+    -------
+    casadi.SX
+        (nv, 1).
+    """
+    joints, at = closed.tree.joints, closed.at
+    moving = motions(joints, at, v, a, at_rest(constant(closed.tree.gravity)))
+    acting = outside_wrenches(joints, at, closed.tree.outside, closed.wrenches)
+    return tree_efforts(joints, at, moving, a, acting)
 
 
 def motor_efforts(
@@ -245,8 +274,7 @@ def tree_forward_dynamics(closed: ClosedTree, v: ca.SX, tau_motor: ca.SX) -> tup
     """
     tree, chain = closed.tree, closed.chain
     a = closed.reduced.transposed(-tree_bias(closed, v))
-    falling = at_rest(constant(tree.gravity))
-    needed = tree_efforts(tree.joints, closed.at, motions(tree.joints, closed.at, v, a, falling), a)
+    needed = demanded_efforts(closed, v, a)
     left = needed - motor_columns(tree) @ tau_motor
     moved = inertia_times(closed, closed.motions)
     inertia = closed.motions.T @ moved

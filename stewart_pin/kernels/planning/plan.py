@@ -16,7 +16,7 @@ import pinocchio as pin
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.planning.samples import pivot_samples
 from stewart_pin.kernels.planning.spatial import Masses
-from stewart_pin.kernels.planning.tree import LoopEnds, Tree, TreeJoint, tree_of
+from stewart_pin.kernels.planning.tree import LoopEnds, OutsidePoint, Tree, TreeJoint, tree_of
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
@@ -82,6 +82,8 @@ class Leg:
         Home position of each of its joints [m, rad, unit quaternion].
     shift
         (3, 1) CasADi symbols by which its root is moved in what it hangs on; None for none [m].
+    outside
+        Where wrenches act on it from outside; bodies count within the leg.
     """
 
     on_platform: bool
@@ -91,6 +93,7 @@ class Leg:
     motors: tuple[tuple[int, int], ...]
     home: tuple[FloatArray, ...]
     shift: Any = None
+    outside: tuple[OutsidePoint, ...] = ()
 
     @property
     def name(self) -> str:
@@ -141,13 +144,15 @@ class PlatformPlan:
         return self.tree.joints[self.tree.platform - 1].masses
 
 
-def plan_platform(chain: ClosedChain) -> PlatformPlan:
+def plan_platform(chain: ClosedChain, wrenches: Sequence[str] = ()) -> PlatformPlan:
     """Take a chain apart into a platform and its legs.
 
     Parameters
     ----------
     chain
         Closed chain.
+    wrenches
+        Links on which wrenches act from outside.
 
     Returns
     -------
@@ -160,7 +165,7 @@ def plan_platform(chain: ClosedChain) -> PlatformPlan:
         If the platform is not a body that only balls and passive joints tie to the rest, or a joint has a rotor: legs
         are solved without one.
     """
-    tree = tree_of(chain)
+    tree = tree_of(chain, wrenches)
     _require_free_legs(chain, tree)
     tree = _in_platform_frame(tree)
     loops = list(tree.loops)
@@ -265,8 +270,13 @@ def _in_platform_frame(tree: Tree) -> Tree:
                 loop, rotation2=back @ loop.rotation2, translation2=back @ (loop.translation2 - shift)
             )
         loops.append(loop)
+    outside = [
+        replace(act, point=back @ (act.point - shift)) if act.body == tree.platform else act
+        for act in tree.outside
+    ]
     return replace(
         tree,
+        outside=tuple(outside),
         joints=tuple(joints),
         loops=tuple(loops),
         platform_rotation=np.eye(3),
@@ -378,7 +388,8 @@ def _leg(chain: ClosedChain, tree: Tree, bodies: list[int], loops: Sequence[Loop
         motors += [(n, start) for n, index in enumerate(tree.motors) if index == joint.v.start]
         start += size
     home = tuple(chain.q_home[joint.q] for joint in joints)
-    return Leg(bool(root), tuple(joints), tuple(bodies), ends, tuple(motors), home)
+    outside = tuple(replace(act, body=local[act.body]) for act in tree.outside if act.body in bodies)
+    return Leg(bool(root), tuple(joints), tuple(bodies), ends, tuple(motors), home, outside=outside)
 
 
 def _end(chain: ClosedChain, loop: LoopEnds, local: dict[int, int], other: int) -> LegEnd:

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.errors import ClosureError, UnsupportedError
+from stewart_pin.errors import ClosureError, SingularityError, UnsupportedError
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion, platform_pose
 from stewart_pin.model.description import JointKind
@@ -193,6 +193,104 @@ def require_standing_frames(chain: ClosedChain) -> None:
                     f"{chain.name} turn, and neither platform nor motors say where to; use coordinates='tree', or "
                     "describe the loop from its other link"
                 )
+
+
+def require_standing_points(chain: ClosedChain, wrenches: Sequence[str]) -> None:
+    """Refuse wrenches at points that idle motions move: neither platform nor motors tell where these stand.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    wrenches
+        Links on which wrenches act from outside, at the origins of their frames.
+
+    Raises
+    ------
+    UnsupportedError
+        If idle motions move one of these points.
+    """
+    for link in wrenches:
+        if _idle_twists(chain, link)[:3].max(initial=0.0) > _STANDS * chain.length_scale:
+            raise UnsupportedError(
+                f"a wrench on '{link}' acts at the origin of its frame, which idle freedoms of {chain.name} move, and "
+                "neither platform nor motors say where to; use coordinates='tree', or put the frame on the axis about "
+                "which the link may spin"
+            )
+
+
+def pushes_idle(chain: ClosedChain, wrenches: Sequence[str]) -> bool:
+    """Tell whether wrenches on some links can do work on idle motions.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    wrenches
+        Links on which wrenches act from outside.
+
+    Returns
+    -------
+    bool
+        Whether an idle motion moves or turns the frame of one of them.
+    """
+    size = np.repeat([chain.length_scale, 1.0], 3)
+    return any(
+        (_idle_twists(chain, link).max(axis=1, initial=0.0) > _STANDS * size).any() for link in wrenches
+    )
+
+
+def telling_wrenches(chain: ClosedChain, wrenches: Sequence[str]) -> tuple[str, ...]:
+    """List the links on which the effect of a wrench depends on where idle freedoms stand, or is unknown.
+
+    A moment spins a thin rod at a million rad/s²: what printed digits leave it lopsided then tells.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    wrenches
+        Links on which wrenches act from outside, at points that no idle motion moves.
+
+    Returns
+    -------
+    tuple of str
+        Those of them on which moments may not push idle motions.
+    """
+    links = [link for link in wrenches if pushes_idle(chain, (link,))]
+    if not links:
+        return ()
+    q, none = closed_samples(chain, count=1)[0], np.zeros(chain.nv)
+    idle = chain.at(q).freedom.idle
+    direction = idle @ np.random.default_rng(0).uniform(0.5, 1.0, idle.shape[1])
+    states = [chain.at(one, none, none) for one in (q, idle_moved(chain, q, direction))]
+    bare = [inverse_dynamics(state).tau_motor for state in states]
+    told = []
+    for link in links:
+        for moment in np.hstack([np.zeros((3, 3)), np.eye(3)]):
+            try:
+                effects = [
+                    inverse_dynamics(state, wrenches={link: moment}).tau_motor - own
+                    for state, own in zip(states, bare, strict=True)
+                ]
+                tells = np.abs(effects[0] - effects[1]).max() > _SAME * np.abs(effects[0]).max()
+            except SingularityError:  # without inertia there is no answer wherever it stands
+                tells = True
+            if tells:
+                told.append(link)
+                break
+    return tuple(told)
+
+
+def _idle_twists(chain: ClosedChain, link: str) -> FloatArray:
+    """Sizes of the twists of a link's frame, in its axes, in all idle motions of all samples: (6, motions)."""
+    if not chain.generic.count.idle:
+        return np.zeros((6, 0))
+    frame, found = link_frame(chain.model, link), []
+    for q in chain.generic.samples:
+        idle, data = chain.at(q).freedom.idle, pin.Data(chain.model)
+        found.append(np.abs(pin.computeFrameJacobian(chain.model, data, q, frame, pin.LOCAL) @ idle))
+    return np.hstack(found)
 
 
 def idle_moved(chain: ClosedChain, q: Configuration, direction: FloatArray) -> Configuration:

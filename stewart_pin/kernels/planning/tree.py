@@ -5,6 +5,7 @@ Bodies are numbered as the joints that carry them in Pinocchio's model; body 0 i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from stewart_pin.kernels.planning.spatial import Masses
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.loop_rows import NormalRow, Row, closure_rows
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import outside_places
 from stewart_pin.typing import FloatArray
 
 _KINDS = {
@@ -134,6 +136,25 @@ class CouplingRow:
 
 
 @dataclass(frozen=True, eq=False)
+class OutsidePoint:
+    """A point of a body at which a wrench acts from outside.
+
+    Attributes
+    ----------
+    body
+        Number of the body.
+    point
+        (3,) the point in that body [m].
+    entries
+        Place of the wrench, [force; moment] in world axes, among all that act.
+    """
+
+    body: int
+    point: FloatArray
+    entries: slice
+
+
+@dataclass(frozen=True, eq=False)
 class Tree:
     """Constants of a chain.
 
@@ -159,6 +180,8 @@ class Tree:
         (3,) its origin there [m].
     gravity
         (3,) acceleration of free fall in world axes [m/s²].
+    outside
+        Where wrenches act from outside, on the ground too, where they do nothing.
     """
 
     joints: tuple[TreeJoint, ...]
@@ -173,6 +196,7 @@ class Tree:
     platform_rotation: FloatArray
     platform_translation: FloatArray
     gravity: FloatArray
+    outside: tuple[OutsidePoint, ...] = ()
 
     def path(self, body: int) -> tuple[int, ...]:
         """List the bodies from one down to the ground.
@@ -187,20 +211,40 @@ class Tree:
         tuple of int
             The body itself first; without the ground.
         """
-        path: list[int] = []
-        while body:
-            path.append(body)
-            body = self.joints[body - 1].parent
-        return tuple(path)
+        return path_down(self.joints, body)
 
 
-def tree_of(chain: ClosedChain) -> Tree:
+def path_down(joints: Sequence[TreeJoint], body: int) -> tuple[int, ...]:
+    """List the bodies from one down to the root of a tree.
+
+    Parameters
+    ----------
+    joints
+        Joints of the tree; parents are bodies, or 0 for the root.
+    body
+        Number of a body.
+
+    Returns
+    -------
+    tuple of int
+        The body itself first; without the root.
+    """
+    path: list[int] = []
+    while body:
+        path.append(body)
+        body = joints[body - 1].parent
+    return tuple(path)
+
+
+def tree_of(chain: ClosedChain, wrenches: Sequence[str] = ()) -> Tree:
     """Read the constants of a chain.
 
     Parameters
     ----------
     chain
         Closed chain.
+    wrenches
+        Links on which wrenches act from outside, at the origins of their frames.
 
     Returns
     -------
@@ -211,6 +255,8 @@ def tree_of(chain: ClosedChain) -> Tree:
     ------
     UnsupportedError
         If a joint is of a kind that has no graph.
+    InputError
+        If a link is unknown.
     """
     # Without a platform the ground stands for it; functions of a platform are refused before they are written.
     frame = chain.model.frames[0 if chain.platform is None else chain.platform_id]
@@ -227,6 +273,10 @@ def tree_of(chain: ClosedChain) -> Tree:
         platform_rotation=np.array(frame.placement.rotation),
         platform_translation=np.array(frame.placement.translation),
         gravity=chain.gravity,
+        outside=tuple(
+            OutsidePoint(place.joint, np.array(place.placement.translation), slice(6 * k, 6 * k + 6))
+            for k, place in enumerate(outside_places(chain, wrenches))
+        ),
     )
 
 

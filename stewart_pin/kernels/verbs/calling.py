@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import DTypeLike
 
-from stewart_pin.errors import UnsupportedError
+from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.verbs.configurations import (
     POOR,
     Starts,
@@ -242,6 +242,29 @@ class Caller:
     def dtype(self) -> np.dtype[Any]:
         """Type of the arrays and of every operation."""
         return self._dtype
+
+    @property
+    def wrenches(self) -> tuple[str, ...]:
+        """Links on which wrenches act from outside, in the order of the argument `wrenches` of the verbs."""
+        return self._functions.wrenches
+
+    def _loaded(self, inputs: tuple[ArrayLike, ...], wrenches: ArrayLike | None) -> tuple[ArrayLike, ...]:
+        """Add what acts from outside, where these kernels take that."""
+        links = self.wrenches
+        if wrenches is not None and links:
+            return (*inputs, wrenches)
+        if wrenches is not None:
+            raise InputError(
+                "wrenches are given, and these kernels were compiled without; "
+                "use compile_kernels(chain, wrenches=(link, ...))"
+            )
+        if links:
+            size = 6 * len(links)
+            raise InputError(
+                f"wrenches must be given, (N, {size}) or ({size},), [force; moment] on {', '.join(links)}: these "
+                "kernels were compiled for them; zero where nothing acts"
+            )
+        return inputs
 
     def _call(self, name: str, inputs: tuple[ArrayLike, ...], places: Places) -> Any:
         kernel = self._kernel(name, graded=places.conditioning is not None, wary=self._wary(name))
@@ -515,8 +538,8 @@ class Caller:
             raise UnsupportedError(
                 f"{name!r} divides by nothing, and has no conditioning; leave out conditioning="
             )
-        found = self.coordinates == "motor"
-        function, bounds = judged(function, measure, self._dtype, graded=graded, wary=wary, found=found)
+        found, push = self.coordinates == "motor", self._functions.push_of(name, function)
+        function, bounds = judged(function, measure, self._dtype, push, graded=graded, wary=wary, found=found)
         derivatives = [output for output in function.name_out() if output.startswith("by_")]
         return compile_function(
             function, bounds=bounds, dtype=self._dtype, engine=self._engine, matrices=derivatives

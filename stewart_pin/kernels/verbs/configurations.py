@@ -249,6 +249,7 @@ def judged(
     function: Any,
     measure: Any | None,
     dtype: np.dtype[Any],
+    push: Any | None = None,
     *,
     graded: bool = False,
     wary: bool = False,
@@ -264,6 +265,9 @@ def judged(
         `casadi.Function` of its first input, with the conditioning of the state; None where nothing is divided by.
     dtype
         Type of the kernel.
+    push
+        `casadi.Function` of its first input and its wrenches: by how much these push idle motions without inertia;
+        None where they cannot.
     graded
         Whether the conditioning is given back, as the last output, of singular states too; it needs a measure.
     wary
@@ -289,6 +293,10 @@ def judged(
         quaternion = inputs[function.name_in().index("pose")][3:]
         outputs["quaternion_square"] = ca.dot(quaternion, quaternion)
         bounds.append(StateBound("quaternion_square", 1 - UNIT, 1 + UNIT))
+    if push is not None:
+        wrenches = inputs[function.name_in().index("wrenches")]
+        outputs["pushed"] = push.call([inputs[0], wrenches])[0]
+        bounds.append(StateBound("pushed", upper=_FEASIBLE[kind]))
     if measure is not None:
         outputs["conditioning"] = measure.call(inputs[:1])[0]
         least = POOR if wary else (_FOUND if found else _REGULAR)[kind]

@@ -30,6 +30,7 @@ class DynamicsVerbs(Caller):
         pose: ArrayLike,
         twist: ArrayLike,
         acceleration: ArrayLike,
+        wrenches: ArrayLike | None = None,
         *,
         out: FloatArray | None = None,
         status: np.ndarray | None = None,
@@ -42,6 +43,8 @@ class DynamicsVerbs(Caller):
         ----------
         pose, twist, acceleration
             Motion in the kernels' coordinates, see `Kernels` [m, rad, unit quaternions; per s; per s²].
+        wrenches
+            (N, 6 k) what acts from outside, for kernels that were compiled for it, see `Kernels` [N, N m].
         out, status, conditioning, threads
             Where to write, in any unit, and by how many threads: see `Kernels`.
 
@@ -51,15 +54,15 @@ class DynamicsVerbs(Caller):
             (N, nu) motor efforts in the order of ``chain.motors``; of least norm in natural units, forces times
             ``chain.length_scale`` beside moments, where motors are redundant [N or N m].
         """
-        return self._call(
-            "inverse_dynamics", (pose, twist, acceleration), Places(out, status, conditioning, threads)
-        )
+        inputs = self._loaded((pose, twist, acceleration), wrenches)
+        return self._call("inverse_dynamics", inputs, Places(out, status, conditioning, threads))
 
     def forward_dynamics(
         self,
         pose: ArrayLike,
         twist: ArrayLike,
         tau_motor: ArrayLike,
+        wrenches: ArrayLike | None = None,
         *,
         out: FloatArray | None = None,
         status: np.ndarray | None = None,
@@ -74,6 +77,8 @@ class DynamicsVerbs(Caller):
             State in the kernels' coordinates, see `Kernels` [m, rad, unit quaternions; per s].
         tau_motor
             (N, nu) motor efforts in the order of ``chain.motors`` [N or N m].
+        wrenches
+            (N, 6 k) what acts from outside, for kernels that were compiled for it, see `Kernels` [N, N m].
         out, status, conditioning, threads
             Where to write, in any unit, and by how many threads: see `Kernels`.
 
@@ -82,15 +87,15 @@ class DynamicsVerbs(Caller):
         numpy.ndarray
             (N, size) acceleration in the same coordinates [m/s², rad/s²].
         """
-        return self._call(
-            "forward_dynamics", (pose, twist, tau_motor), Places(out, status, conditioning, threads)
-        )
+        inputs = self._loaded((pose, twist, tau_motor), wrenches)
+        return self._call("forward_dynamics", inputs, Places(out, status, conditioning, threads))
 
     def reactions(
         self,
         pose: ArrayLike,
         twist: ArrayLike,
         acceleration: ArrayLike,
+        wrenches: ArrayLike | None = None,
         *,
         out: FloatArray | None = None,
         status: np.ndarray | None = None,
@@ -103,6 +108,8 @@ class DynamicsVerbs(Caller):
         ----------
         pose, twist, acceleration
             Motion in the kernels' coordinates, see `Kernels` [m, rad, unit quaternions; per s; per s²].
+        wrenches
+            (N, 6 k) what acts from outside, for kernels that were compiled for it, see `Kernels` [N, N m].
         out, status, conditioning, threads
             Where to write, in any unit, and by how many threads: see `Kernels`.
 
@@ -112,9 +119,8 @@ class DynamicsVerbs(Caller):
             (N, nc) what the closures do to link 2, row by row in loop frame 1; of least norm in natural units where
             rows are redundant [N and N m].
         """
-        return self._call(
-            "reactions", (pose, twist, acceleration), Places(out, status, conditioning, threads)
-        )
+        inputs = self._loaded((pose, twist, acceleration), wrenches)
+        return self._call("reactions", inputs, Places(out, status, conditioning, threads))
 
     def regressor(
         self,
@@ -140,7 +146,8 @@ class DynamicsVerbs(Caller):
         -------
         numpy.ndarray
             (N, nu, 10 bodies and the rotors), such that motor efforts are ``regressor @ inertial_parameters`` [N or N m
-            per kg, kg m, kg m²].
+            per kg, kg m, kg m²], plus ``by_wrenches @ wrenches`` where something acts from outside: the regressor does
+            not depend on it.
 
         Raises
         ------
@@ -177,18 +184,21 @@ class DerivativeVerbs(Caller):
         pose: ArrayLike,
         twist: ArrayLike,
         acceleration: ArrayLike,
+        wrenches: ArrayLike | None = None,
         *,
         out: Sequence[FloatArray] | None = None,
         status: np.ndarray | None = None,
         conditioning: FloatArray | None = None,
         threads: int = 1,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    ) -> tuple[FloatArray, ...]:
         """Differentiate the motor efforts.
 
         Parameters
         ----------
         pose, twist, acceleration
             Motion in platform or motor coordinates, see `Kernels` [m, rad, unit quaternions; per s; per s²].
+        wrenches
+            (N, 6 k) what acts from outside, for kernels that were compiled for it, see `Kernels` [N, N m].
         out, status, conditioning, threads
             Where to write, in any unit, and by how many threads: see `Kernels`.
 
@@ -196,26 +206,26 @@ class DerivativeVerbs(Caller):
         -------
         by_pose, by_twist, by_acceleration : numpy.ndarray
             (N, nu, size) each [N or N m per unit of the coordinate]; poses are displaced by a shift and a rotation
-            vector in world axes. They hold for displacements, rates and accelerations that the chain can do.
+            vector in world axes. They hold for displacements, rates and accelerations that the chain can do. Where
+            wrenches act, (N, nu, 6 k) by_wrenches comes fourth [N or N m per N or N m]; in the others these keep their
+            axes, and act at points that move with their links.
         """
         self._require_drive("inverse_dynamics_derivatives")
-        return self._call(
-            "inverse_dynamics_derivatives",
-            (pose, twist, acceleration),
-            Places(out, status, conditioning, threads),
-        )
+        inputs = self._loaded((pose, twist, acceleration), wrenches)
+        return self._call("inverse_dynamics_derivatives", inputs, Places(out, status, conditioning, threads))
 
     def forward_dynamics_derivatives(
         self,
         pose: ArrayLike,
         twist: ArrayLike,
         tau_motor: ArrayLike,
+        wrenches: ArrayLike | None = None,
         *,
         out: Sequence[FloatArray] | None = None,
         status: np.ndarray | None = None,
         conditioning: FloatArray | None = None,
         threads: int = 1,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    ) -> tuple[FloatArray, ...]:
         """Differentiate the acceleration under motor efforts.
 
         Parameters
@@ -224,20 +234,20 @@ class DerivativeVerbs(Caller):
             State in platform or motor coordinates, see `Kernels` [m, rad, unit quaternions; per s].
         tau_motor
             (N, nu) motor efforts [N or N m].
+        wrenches
+            (N, 6 k) what acts from outside, for kernels that were compiled for it, see `Kernels` [N, N m].
         out, status, conditioning, threads
             Where to write, in any unit, and by how many threads: see `Kernels`.
 
         Returns
         -------
         by_pose, by_twist, by_tau_motor : numpy.ndarray
-            (N, size, size or nu) each [m/s² or rad/s² per unit of the coordinate or effort], as for inverse dynamics.
+            (N, size, size or nu) each [m/s² or rad/s² per unit of the coordinate or effort], as for inverse dynamics;
+            where wrenches act, (N, size, 6 k) by_wrenches comes fourth [m/s² or rad/s² per N or N m].
         """
         self._require_drive("forward_dynamics_derivatives")
-        return self._call(
-            "forward_dynamics_derivatives",
-            (pose, twist, tau_motor),
-            Places(out, status, conditioning, threads),
-        )
+        inputs = self._loaded((pose, twist, tau_motor), wrenches)
+        return self._call("forward_dynamics_derivatives", inputs, Places(out, status, conditioning, threads))
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -334,6 +344,7 @@ class GeometryVerbs(Caller):
         pose: ArrayLike,
         twist: ArrayLike,
         acceleration: ArrayLike,
+        wrenches: ArrayLike | None = None,
         *,
         along: Along | None = None,
         out: FloatArray | None = None,
@@ -349,6 +360,8 @@ class GeometryVerbs(Caller):
         ----------
         pose, twist, acceleration
             Motion in the kernels' coordinates, see `Kernels` [m, rad, unit quaternions; per s; per s²].
+        wrenches
+            (N, 6 k) what acts from outside, for kernels that were compiled for it, see `Kernels` [N, N m].
         along
             Some of `geometry_parameters`, or (parameters, k) displacements, a column each, in their order [m or rad
             per unit]; None: each parameter by itself.
@@ -373,14 +386,18 @@ class GeometryVerbs(Caller):
         If all that is displaced are the points where the six legs of a platform stand, or those where they carry it,
         closed forms of the legs are used, at a third of the cost.
         """
-        places = Places(out, status, conditioning, threads)
-        return self._by_geometry("inverse_dynamics", (pose, twist, acceleration), along, places)
+        inputs, places = (
+            self._loaded((pose, twist, acceleration), wrenches),
+            Places(out, status, conditioning, threads),
+        )
+        return self._by_geometry("inverse_dynamics", inputs, along, places)
 
     def forward_dynamics_geometry(
         self,
         pose: ArrayLike,
         twist: ArrayLike,
         tau_motor: ArrayLike,
+        wrenches: ArrayLike | None = None,
         *,
         along: Along | None = None,
         out: FloatArray | None = None,
@@ -396,6 +413,8 @@ class GeometryVerbs(Caller):
             State in the kernels' coordinates, see `Kernels` [m, rad, unit quaternions; per s].
         tau_motor
             (N, nu) motor efforts [N or N m].
+        wrenches
+            (N, 6 k) what acts from outside, for kernels that were compiled for it, see `Kernels` [N, N m].
         along
             What is displaced, as for inverse dynamics [m or rad per unit].
         out, status, conditioning, threads
@@ -414,8 +433,11 @@ class GeometryVerbs(Caller):
         InputError
             If `along` has another shape, is not finite, or holds a parameter of another chain.
         """
-        places = Places(out, status, conditioning, threads)
-        return self._by_geometry("forward_dynamics", (pose, twist, tau_motor), along, places)
+        inputs, places = (
+            self._loaded((pose, twist, tau_motor), wrenches),
+            Places(out, status, conditioning, threads),
+        )
+        return self._by_geometry("forward_dynamics", inputs, along, places)
 
     @property
     def geometry_parameters(self) -> tuple[GeometryParameter, ...]:
