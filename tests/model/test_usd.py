@@ -511,3 +511,10 @@ def test_digits_of_positions_in_a_scaled_body_are_scaled(tmp_path: Path) -> None
     )
     chain = loaded(tmp_path, small, joint("motor", AXIS + ends("", "left", at1="(12.3457, 0, 0)") + MOTOR))
     assert chain.mechanism.digits == pytest.approx((0.5e-4 * 0.1 * 0.01, 0.0), rel=1e-12)
+
+
+def test_a_mass_without_its_schema_is_refused(tmp_path: Path) -> None:
+    """Engines do not see it, and compute another one."""
+    left = BARS[0].replace(', "PhysicsMassAPI"', "")
+    with pytest.raises(FileFormatError, match="has physics:mass, but not the schema PhysicsMassAPI"):
+        loaded(tmp_path, left, HINGES[0])

@@ -179,6 +179,11 @@ def _inertia(stage: Stage, prim: Any, scale: FloatArray, *, shaped: bool) -> pin
             "is a rigid body without physics:mass: engines compute it from density and shapes, which is not done here; "
             f"write mass, centre and moments, or 'custom bool {OWN}massless = 1' for a link without any",
         )
+    if own is None and not prim.HasAPI(stage.usd.UsdPhysics.MassAPI):
+        raise stage.error(
+            path,
+            "has physics:mass, but not the schema PhysicsMassAPI, without which engines pass it over; apply the schema",
+        )
     moments = np.array(stage.value(prim, "physics:diagonalInertia", (0.0, 0.0, 0.0)), dtype=float)
     if own is not None and _agrees(stage, prim, np.array(own)):
         return _unpacked(np.array(own))
