@@ -54,7 +54,7 @@ def judged(exact: stp.ClosedChain, path: Path, style: str) -> tuple[str, str]:
     return ("right", "") if error <= EFFORT * off + 1e-9 else ("wrong", f"efforts are {error:.1e} off")
 
 
-def _by_balls(chain: stp.ClosedChain) -> stp.ClosedChain:
+def by_balls(chain: stp.ClosedChain) -> stp.ClosedChain:
     """Replace hinges by balls where that can be done; what has other loops is not written either."""
     try:
         return stp.build.loops_by_balls(chain)
@@ -82,7 +82,7 @@ def main() -> None:
     for row in rows:
         plain = turned_frames(zoo_chain(row.name), seed=3)
         for format in wanted.formats:
-            exact = plain if format in ("urdf+", "sdf", "usd") else _by_balls(plain)
+            exact = plain if format in ("urdf+", "sdf", "usd") else by_balls(plain)
             for style in wanted.styles:
                 with tempfile.TemporaryDirectory() as folder:
                     path = Path(folder) / f"printed{SUFFIX.get(format, '.urdf')}"
