@@ -244,7 +244,7 @@ def summarise_run(run: Simulation) -> dict[str, Any]:
     dict
         JSON-ready: how it ended, gap [m], energy account [J], peak effort [N or N m], events.
     """
-    account = run.energy + run.dissipated - run.supplied
+    account = run.energy + run.dissipated - run.supplied - run.outside
     return {
         "success": run.success,
         "reason": run.reason,

@@ -20,7 +20,7 @@ from stewart_pin.mechanics.inverse_dynamics import least_reactions, require_idle
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.loop_rows import Drive
 from stewart_pin.state.loop_verbs import reactions_from_pinocchio, unknown_to_pinocchio
-from stewart_pin.state.outside import Wrenches, as_wrenches, outside_efforts
+from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, outside_efforts
 from stewart_pin.state.state import State, as_state, named_motion
 from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
@@ -36,7 +36,7 @@ def forward_dynamics(
     v: ArrayLike | None = None,
     tau_motor: ArrayLike | None = None,
     *,
-    wrenches: Wrenches | None = None,
+    wrenches: Wrenches | OutsideWrenches | None = None,
     method: Method | None = None,
 ) -> Motion:
     """Compute the acceleration under given motor efforts.

@@ -38,7 +38,7 @@ def inverse_dynamics(
     v: ArrayLike | None = None,
     a: ArrayLike | None = None,
     *,
-    wrenches: Wrenches | None = None,
+    wrenches: Wrenches | OutsideWrenches | None = None,
     method: Method = "pinocchio",
     effort_limit: ArrayLike | Limits | None = None,
     throw: bool = True,

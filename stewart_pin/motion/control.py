@@ -16,8 +16,10 @@ from stewart_pin.errors import InputError
 from stewart_pin.mechanics.closed_forms import leg_form, point_of
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_efforts, motor_efforts
 from stewart_pin.mechanics.kinematics import forward_kinematics, platform_acceleration, platform_motion
+from stewart_pin.motion.simulation.drive import SimulationWrenches
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import OutsideWrenches, as_wrenches, asked_wrenches
 from stewart_pin.state.state import State, as_chain
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray, Tangent
 
@@ -36,16 +38,23 @@ class GravityCompensation(Brief):
     ----------
     chain
         Closed chain.
+    wrenches
+        What is known to act from outside: {link: (6,)} [force; moment] on the link, at the origin of its frame, world
+        axes; or a function of the instant and the `State` that returns them, or None [N, N m].
     """
 
     chain: ClosedChain
+    wrenches: SimulationWrenches | None = None
 
     def __post_init__(self) -> None:
         as_chain(self.chain)
+        _require_wrenches(self.chain, self.wrenches)
 
     def __call__(self, t: float, q: Configuration, v: Tangent) -> FloatArray:
         """Return the efforts (nu,) that hold the chain at rest [N or N m]."""
-        return motor_efforts(State(self.chain, q), self.chain.rest)
+        return motor_efforts(
+            State(self.chain, q), self.chain.rest, _known(self.wrenches, t, self.chain, q, v)
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,14 +69,19 @@ class Feedforward(Brief):
         Motion of the platform.
     model
         ``"full"``: inverse dynamics of all bodies. ``"point_mass"``: legs massless, platform a point.
+    wrenches
+        What is known to act from outside: {link: (6,)} [force; moment] on the link, at the origin of its frame, world
+        axes; or a function of the instant and the `State` that returns them, or None [N, N m].
     """
 
     chain: ClosedChain
     reference: Reference
     model: str = "full"
+    wrenches: SimulationWrenches | None = None
 
     def __post_init__(self) -> None:
         _require_reference(self.chain, self.reference)
+        _require_wrenches(self.chain, self.wrenches)
         _require_model(self.model)
         if self.model == "point_mass":
             point_of(self.chain)  # refuses a platform without mass here, not in the midst of a run
@@ -76,13 +90,14 @@ class Feedforward(Brief):
         """Return the efforts (nu,) of the reference at time t [N or N m]."""
         want = self.reference(np.array([t]))
         legs = leg_form(self.chain, "leg_efforts" if self.model == "full" else "point_mass")
-        if legs is not None:
+        outside = _known(self.wrenches, t, self.chain, q, v)
+        if legs is not None and outside is None:
             return legs.efforts(want.position, want.rotation, want.twist, want.acceleration)[0]
         state = platform_motion(
             self.chain, want.pose(0), want.twist[0], want.acceleration[0], q_guess=q, limits=False
         )
         moved = self.chain if self.model == "full" else point_of(self.chain)
-        return inverse_dynamics(moved, state.q, state.v, state.a).tau_motor
+        return inverse_dynamics(moved, state.q, state.v, state.a, wrenches=outside).tau_motor
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -205,6 +220,9 @@ class ComputedTorque(Brief):
         correct the attitude with; the platform's own serves for the correction, not for the reference.
     motor_inertia
         Inertia of the motors on their coordinates, full model only [kg or kg m²].
+    wrenches
+        What is known to act from outside: {link: (6,)} [force; moment] on the link, at the origin of its frame, world
+        axes; or a function of the instant and the `State` that returns them, or None [N, N m].
     """
 
     chain: ClosedChain
@@ -213,9 +231,11 @@ class ComputedTorque(Brief):
     kd: float = 60.0
     model: str = "full"
     motor_inertia: ArrayLike = 0.0
+    wrenches: SimulationWrenches | None = None
 
     def __post_init__(self) -> None:
         _require_reference(self.chain, self.reference)
+        _require_wrenches(self.chain, self.wrenches)
         _require_model(self.model)
         as_spread("motor_inertia", self.motor_inertia, self.chain.nu)
         if self.model == "point_mass":
@@ -229,21 +249,24 @@ class ComputedTorque(Brief):
         turn = pin.log3(want.rotation[0] @ pose.rotation.T)
         error = np.concatenate([want.position[0] - pose.translation, turn])
         correction = self.kd * (want.twist[0] - twist) + self.kp * error
+        outside = _known(self.wrenches, t, self.chain, q, v)
         if self.model == "point_mass":
-            return self._by_point_mass(state, want.acceleration[0], correction)
+            return self._by_point_mass(state, want.acceleration[0], correction, outside)
         a = platform_acceleration(state, want.acceleration[0] + correction)
-        return motor_efforts(state, a) + np.asarray(self.motor_inertia) * a[self.chain.motor_index]
+        return motor_efforts(state, a, outside) + np.asarray(self.motor_inertia) * a[self.chain.motor_index]
 
-    def _by_point_mass(self, state: State, asked: FloatArray, correction: FloatArray) -> FloatArray:
+    def _by_point_mass(
+        self, state: State, asked: FloatArray, correction: FloatArray, outside: OutsideWrenches | None
+    ) -> FloatArray:
         chain, pose = self.chain, state.pose
         # The point goes as the origin does; turning is asked for by the correction alone.
         wanted = asked + correction
         legs = leg_form(chain, "point_mass")
-        if legs is not None:
+        if legs is not None and outside is None:
             efforts = legs.efforts(pose.translation, pose.rotation, state.twist, wanted)
         else:
             a = platform_acceleration(state, wanted)
-            efforts = motor_efforts(State(point_of(chain), state.q, state.v), a)
+            efforts = motor_efforts(State(point_of(chain), state.q, state.v), a, outside)
         body = chain.mechanism.link(chain.platform_link).inertia
         if body is None:
             return efforts
@@ -342,6 +365,19 @@ def _require_reference(chain: ClosedChain, reference: object) -> None:
             f"functools.partial(motions.sinusoidal_motion, home=home), got {type(reference).__name__}; of poses at "
             "instants, functools.partial(motions.spline_motion, knots=instants, poses=poses) makes one"
         )
+
+
+def _require_wrenches(chain: ClosedChain, wrenches: SimulationWrenches | None) -> None:
+    if not callable(wrenches):
+        as_wrenches(chain, wrenches)
+
+
+def _known(
+    wrenches: SimulationWrenches | None, t: float, chain: ClosedChain, q: Configuration, v: Tangent
+) -> OutsideWrenches | None:
+    """Wrenches that a controller reckons with at an instant."""
+    said = asked_wrenches(wrenches, t, State(chain, q, v)) if callable(wrenches) else wrenches
+    return as_wrenches(chain, said)
 
 
 def _require_model(model: str) -> None:

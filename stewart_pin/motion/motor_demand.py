@@ -27,8 +27,9 @@ from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import Asked, Excess
 from stewart_pin.state.newton import Closure
+from stewart_pin.state.outside import MotionWrenches, WrenchSamples, wrench_samples
 from stewart_pin.state.state import State, as_chain
-from stewart_pin.typing import ArrayLike, Configuration, FloatArray
+from stewart_pin.typing import ArrayLike, FloatArray
 
 DemandMethod = Literal["closed_form", "kernels", "one_state"]
 """Ways to compute a demand; they give the same numbers, to round-off."""
@@ -61,6 +62,8 @@ class MotorDemand(Brief):
         Motion of the platform that asks for it.
     method
         How it was computed: by a closed form that was admitted for the chain, by kernels, or state by state.
+    wrenches
+        What acts from outside, or None.
     """
 
     time: FloatArray
@@ -70,6 +73,7 @@ class MotorDemand(Brief):
     chain: ClosedChain = field(repr=False)
     samples: PlatformSamples = field(repr=False)
     method: DemandMethod = "one_state"
+    wrenches: WrenchSamples | None = field(default=None, repr=False)
 
     @property
     def turns_unsure(self) -> dict[str, float]:
@@ -122,7 +126,13 @@ class MotorDemand(Brief):
         return chain.judge.excesses(asked, time=self.time)
 
 
-def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool | None = None) -> MotorDemand:
+def motor_demand(
+    chain: ClosedChain,
+    samples: PlatformSamples,
+    *,
+    wrenches: MotionWrenches | None = None,
+    kernels: bool | None = None,
+) -> MotorDemand:
     """Compute what a platform motion asks of the motors, whatever the limits; the answer's `check` judges them.
 
     Parameters
@@ -131,6 +141,10 @@ def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool 
         Closed chain.
     samples
         Motion of the platform.
+    wrenches
+        What acts from outside: {link: (6,) or (N, 6)} [force; moment] on the link, at the origin of its frame, world
+        axes, the same all the time or one per instant; or a function of the instant that returns {link: (6,)}; the
+        platform is ``chain.platform`` [N, N m].
     kernels
         Whether to use compiled kernels, where the chain has them; None: for more than a handful of states, of platforms
         with a closed form for tens of thousands. The answer is the same, to round-off.
@@ -141,7 +155,8 @@ def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool 
         Positions, rates and efforts, and by which method. Without kernels in closed form where one stands for the chain
         (`closed_forms`), and state by state for other chains; so too where the chain cannot be compiled, has a coupling
         that counts turns, such as a thread or a gear, where a motor turns by more than a quarter between two instants,
-        or where kernels have no answer for a state.
+        where kernels have no answer for a state, or under wrenches, of which the closed form takes those on the
+        platform.
 
     Raises
     ------
@@ -151,12 +166,21 @@ def motor_demand(chain: ClosedChain, samples: PlatformSamples, *, kernels: bool 
         If the motors cannot hold it.
     MissingExtraError
         If kernels are wanted and CasADi is not installed.
+    InputError
+        If samples or wrenches are none.
+    UnsupportedError
+        If kernels are wanted under wrenches.
     """
     as_chain(chain)
     if not isinstance(samples, PlatformSamples):
         raise InputError(
             f"samples must be PlatformSamples, as sinusoidal_motion gives, got {type(samples).__name__}"
         )
+    outside = wrench_samples(chain, wrenches, samples.time)
+    if outside is not None:
+        if kernels:
+            raise UnsupportedError("kernels=True is for a motion without wrenches; leave kernels out")
+        return demand_by_formula(chain, samples, outside=outside)
     compiled = demand_kernels(chain, len(samples), kernels)
     if compiled is None:
         return demand_by_formula(chain, samples)
@@ -246,7 +270,11 @@ def demands_by_kernels(
 
 
 def demand_by_formula(
-    chain: ClosedChain, samples: PlatformSamples, *, suspect: int | None = None
+    chain: ClosedChain,
+    samples: PlatformSamples,
+    *,
+    suspect: int | None = None,
+    outside: WrenchSamples | None = None,
 ) -> MotorDemand:
     """Compute a demand in closed form where there is one, and state by state elsewhere.
 
@@ -258,6 +286,8 @@ def demand_by_formula(
         Motion of the platform.
     suspect
         Index of a state that no leg reaches, by its closed form: it is looked at first, so that the error comes soon.
+    outside
+        Wrenches from outside, or None.
 
     Returns
     -------
@@ -273,26 +303,35 @@ def demand_by_formula(
     """
     closed_form = leg_form(chain, "leg_efforts")
     if closed_form is not None:
-        return _by_closed_form(chain, closed_form, samples)
+        pushed = None if outside is None else outside.on_platform(chain, samples.rotation)
+        if outside is None or pushed is not None:
+            return _by_closed_form(chain, closed_form, samples, outside, pushed)
     if suspect is not None:
         # Rounded, since sinusoids of other frequencies come to the same place but for the last bit.
         place = (np.round(samples.position[suspect], 12), np.round(samples.rotation[suspect], 12))
         out_of_reach = _reach(chain, *(values.tobytes() for values in place))
         if out_of_reach is not None:
             raise out_of_reach.with_traceback(None)
-    return _state_by_state(chain, samples)
+    return _state_by_state(chain, samples, outside)
 
 
-def _by_closed_form(chain: ClosedChain, legs: LegForm, samples: PlatformSamples) -> MotorDemand:
+def _by_closed_form(
+    chain: ClosedChain,
+    legs: LegForm,
+    samples: PlatformSamples,
+    outside: WrenchSamples | None,
+    pushed: FloatArray | None,
+) -> MotorDemand:
     place = (samples.position, samples.rotation)
     return MotorDemand(
         time=samples.time,
         positions=legs.positions(*place),
         rates=legs.rates(*place, samples.twist),
-        efforts=legs.efforts(*place, samples.twist, samples.acceleration),
+        efforts=legs.efforts(*place, samples.twist, samples.acceleration, pushed),
         chain=chain,
         samples=samples,
         method="closed_form",
+        wrenches=outside,
     )
 
 
@@ -307,24 +346,19 @@ def _reach(chain: ClosedChain, position: bytes, rotation: bytes) -> ClosureError
     return None
 
 
-def _state_by_state(chain: ClosedChain, samples: PlatformSamples) -> MotorDemand:
+def _state_by_state(
+    chain: ClosedChain, samples: PlatformSamples, outside: WrenchSamples | None = None
+) -> MotorDemand:
     shape = (len(samples), chain.nu)
     positions, rates, efforts = np.empty(shape), np.empty(shape), np.empty(shape)
     q = chain.q_home
     for k in range(len(samples)):
-        state, efforts[k] = _one_state(chain, samples, k, q)
-        q = state.q
+        motion = samples.pose(k), samples.twist[k], samples.acceleration[k]
+        state = platform_motion(chain, *motion, q_guess=q, limits=False)
+        pushed = None if outside is None else outside.at(k)
+        q, efforts[k] = state.q, inverse_dynamics(state, wrenches=pushed).tau_motor
         positions[k], rates[k] = q[chain.motor_q_index], state.v[chain.motor_index]
-    return MotorDemand(samples.time, positions, rates, efforts, chain, samples)
-
-
-def _one_state(
-    chain: ClosedChain, samples: PlatformSamples, k: int, q_guess: Configuration
-) -> tuple[State, FloatArray]:
-    state = platform_motion(
-        chain, samples.pose(k), samples.twist[k], samples.acceleration[k], q_guess=q_guess, limits=False
-    )
-    return state, inverse_dynamics(chain, state.q, state.v, state.a).tau_motor
+    return MotorDemand(samples.time, positions, rates, efforts, chain, samples, wrenches=outside)
 
 
 def _poses(motions: Sequence[PlatformSamples]) -> FloatArray:

@@ -15,6 +15,7 @@ from stewart_pin.motion.motor_demand import MotorDemand, motor_demand
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import Asked
+from stewart_pin.state.outside import MotionWrenches
 from stewart_pin.state.state import as_chain
 from stewart_pin.tolerances import AT_LIMIT
 from stewart_pin.typing import FloatArray
@@ -110,7 +111,11 @@ class FitReport(Brief):
 
 
 def fit_to_limits(
-    chain: ClosedChain, motion: Callable[[float], PlatformSamples], *, margin: float = 0.0
+    chain: ClosedChain,
+    motion: Callable[[float], PlatformSamples],
+    *,
+    wrenches: MotionWrenches | None = None,
+    margin: float = 0.0,
 ) -> FitReport:
     """Scale a motion down until every limit that is stated holds, of passive joints and joints that close loops too.
 
@@ -122,6 +127,8 @@ def fit_to_limits(
         Closed chain.
     motion
         Factor to motion; at factor 0 the platform rests, within all limits.
+    wrenches
+        What acts from outside whatever the factor, as in `motor_demand` [N, N m].
     margin
         Part of every limit to keep free, from 0 up to but not including 1.
 
@@ -145,12 +152,18 @@ def fit_to_limits(
         raise InputError(f"margin must be at least 0 and below 1, got {margin!r}")
     if not callable(motion):
         raise InputError(f"motion must be a function of a scale, got {type(motion).__name__}")
-    return _Fit(chain, motion, margin).report()
+    return _Fit(chain, motion, margin, wrenches).report()
 
 
 class _Fit:
-    def __init__(self, chain: ClosedChain, motion: Callable[[float], PlatformSamples], margin: float) -> None:
-        self.chain, self.motion, self.margin = chain, motion, margin
+    def __init__(
+        self,
+        chain: ClosedChain,
+        motion: Callable[[float], PlatformSamples],
+        margin: float,
+        wrenches: MotionWrenches | None = None,
+    ) -> None:
+        self.chain, self.motion, self.margin, self.wrenches = chain, motion, margin, wrenches
 
     def report(self) -> FitReport:
         unscaled = self._of_motors(1.0)
@@ -166,7 +179,7 @@ class _Fit:
         else:
             unscaled += others
         samples = self.motion(scale)
-        demand = motor_demand(self.chain, samples)
+        demand = motor_demand(self.chain, samples, wrenches=self.wrenches)
         uses = self._used(
             asked_of_motors(self.chain, demand.positions, demand.rates, demand.efforts), demand.time
         )
@@ -220,7 +233,7 @@ class _Fit:
             )
 
     def _of_motors(self, scale: float) -> list[Binding]:
-        demand = motor_demand(self.chain, self.motion(scale))
+        demand = motor_demand(self.chain, self.motion(scale), wrenches=self.wrenches)
         asked = asked_of_motors(self.chain, demand.positions, demand.rates, demand.efforts)
         return self._used(asked, demand.time)
 

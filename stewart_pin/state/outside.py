@@ -12,9 +12,9 @@ This is the one place of the formulations on the tree that knows it; `mechanics.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 Wrenches: TypeAlias = Mapping[str, ArrayLike]
 """{link: (6,) [force; moment] on it, at the origin of its frame, world axes} [N, N m]."""
+MotionWrenches: TypeAlias = Mapping[str, ArrayLike] | Callable[[float], Wrenches | None]
+"""Those of a motion: {link: (6,) or (N, 6)}, or a function of the instant [s] that returns {link: (6,)} [N, N m]."""
 
 
 class Place(NamedTuple):
@@ -80,6 +82,64 @@ class OutsideWrenches:
             (6,) wrench of each link [N, N m].
         """
         return {place.link: value for place, value in zip(self.places, self.values, strict=True)}
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchSamples:
+    """Checked wrenches of a motion.
+
+    Attributes
+    ----------
+    places
+        Where they act.
+    values
+        (N, k, 6) [force; moment] of each at the origin of its frame, world axes, instant by instant [N, N m].
+    """
+
+    places: tuple[Place, ...]
+    values: FloatArray
+
+    def at(self, k: int) -> OutsideWrenches:
+        """Give those of one instant.
+
+        Parameters
+        ----------
+        k
+            Its index.
+
+        Returns
+        -------
+        OutsideWrenches
+            For the verbs of one state.
+        """
+        return _outside(self.places, self.values[k])
+
+    def on_platform(self, chain: ClosedChain, rotation: FloatArray) -> FloatArray | None:
+        """Gather them at the platform's origin, where all act on the platform or on the ground.
+
+        Parameters
+        ----------
+        chain
+            Closed chain with a platform.
+        rotation
+            (N, 3, 3) platform axes in the world.
+
+        Returns
+        -------
+        numpy.ndarray or None
+            (N, 6) their sum at the origin of the platform frame, world axes; None where one acts elsewhere [N, N m].
+        """
+        carrier, frame = chain.platform_joint
+        if any(place.joint not in (0, carrier) for place in self.places):
+            return None
+        total = np.zeros((len(self.values), 6))
+        for k, place in enumerate(self.places):
+            if place.joint:
+                arm = rotation @ frame.actInv(place.placement).translation
+                force = self.values[:, k, :3]
+                total[:, :3] += force
+                total[:, 3:] += self.values[:, k, 3:] + np.cross(arm, force)
+        return total
 
 
 def outside_places(chain: ClosedChain, links: Iterable[str]) -> tuple[Place, ...]:
@@ -162,46 +222,108 @@ def as_wrenches(chain: ClosedChain, wrenches: Wrenches | OutsideWrenches | None)
     return _outside(places, values)
 
 
-def wrench_samples(chain: ClosedChain, wrenches: Wrenches | None, count: int) -> tuple[OutsideWrenches, ...]:
-    """Check the wrenches of many states.
+def wrench_samples(
+    chain: ClosedChain, wrenches: MotionWrenches | WrenchSamples | None, time: FloatArray
+) -> WrenchSamples | None:
+    """Check the wrenches of a motion.
 
     Parameters
     ----------
     chain
         Closed chain.
     wrenches
-        {link: (6,) or (N, 6)}: the same all the time, or one per state; or None [N, N m].
-    count
-        Number of states, N.
+        {link: (6,) or (N, 6)}: the same all the time, or one per instant; or a function of the instant that returns
+        {link: (6,)}, where a link that it does not name bears none; or checked ones; or None [N, N m].
+    time
+        (N,) instants [s].
 
     Returns
     -------
-    tuple of OutsideWrenches
-        One per state; empty where there are none.
+    WrenchSamples or None
+        None where there are none.
 
     Raises
     ------
     InputError
-        If they are no mapping, a name is none of a link, or a wrench has the wrong shape or is not finite.
+        If they are neither, a name is none of a link, or a wrench has the wrong shape or is not finite.
     """
+    count = len(time)
+    if isinstance(wrenches, WrenchSamples):
+        if len(wrenches.values) != count:
+            raise InputError(f"wrenches are of {len(wrenches.values)} instants, the motion is of {count}")
+        return wrenches
+    if callable(wrenches):
+        return gathered_samples([as_wrenches(chain, asked_wrenches(wrenches, float(t))) for t in time])
     if wrenches is None:
-        return ()
+        return None
     places = outside_places(chain, _names(wrenches))
     if not places:
-        return ()
+        return None
     values = np.empty((count, len(places), 6))
     for k, place in enumerate(places):
-        name, given = f"wrenches[{place.link!r}]", wrenches[place.link]
-        if np.ndim(given) not in (1, 2) or np.shape(given) not in ((6,), (count, 6)):
-            raise InputError(f"{name} must have shape (6,) or ({count}, 6), got {np.shape(given)}")
-        values[:, k] = as_array(name, given, np.shape(given))
-    return tuple(_outside(places, value) for value in values)
+        name, rows = f"wrenches[{place.link!r}]", wrenches[place.link]
+        if np.shape(rows) not in ((6,), (count, 6)):
+            raise InputError(f"{name} must have shape (6,) or ({count}, 6), got {np.shape(rows)}")
+        values[:, k] = as_array(name, rows, np.shape(rows))
+    return WrenchSamples(places, values)
+
+
+def gathered_samples(given: Sequence[OutsideWrenches | None]) -> WrenchSamples | None:
+    """Put the wrenches of instants, one after the other, into one array; a link that is not named bears none.
+
+    Parameters
+    ----------
+    given
+        Those of each instant, or None.
+
+    Returns
+    -------
+    WrenchSamples or None
+        None where there are none at any instant.
+    """
+    places = tuple({place.link: place for one in given if one is not None for place in one.places}.values())
+    if not places:
+        return None
+    values, column = np.zeros((len(given), len(places), 6)), {place.link: k for k, place in enumerate(places)}
+    for k, one in enumerate(given):
+        if one is not None:
+            values[k, [column[place.link] for place in one.places]] = one.values
+    return WrenchSamples(places, values)
+
+
+def asked_wrenches(function: Callable[..., Wrenches | None], *given: Any) -> Wrenches | None:
+    """Ask a function of the instant, or of an instant and a state, for wrenches.
+
+    Parameters
+    ----------
+    function
+        What the caller passed.
+    *given
+        Its arguments, the instant first [s].
+
+    Returns
+    -------
+    Mapping or None
+        What it said [N, N m].
+
+    Raises
+    ------
+    InputError
+        If it said something else.
+    """
+    said = function(*given)
+    if said is not None and not isinstance(said, Mapping):
+        raise InputError(
+            "wrenches must return {link: (6,)}, or None where nothing acts, "
+            f"got {type(said).__name__} at {given[0]:g} s"
+        )
+    return said
 
 
 def _names(wrenches: Wrenches) -> list[str]:
     if not isinstance(wrenches, Mapping):
         raise InputError(
-            "wrenches must be a mapping from the name of a link to [force; moment] on it, "
+            "wrenches must be a mapping from the name of a link to [force; moment] on it, as "
             f"{{'platform': [0, 0, -10, 0, 0, 0]}}, got {type(wrenches).__name__}"
         )
     return list(wrenches)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import pinocchio as pin
@@ -13,13 +14,14 @@ from stewart_pin.brief import Brief
 from stewart_pin.building.variants import massless_legs, replace_inertias
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.choosing import kernels_for
-from stewart_pin.mechanics.closed_forms import Form, LegForm, admission, point_of
+from stewart_pin.mechanics.closed_forms import LegForm, admission, point_of
 from stewart_pin.mechanics.inverse_dynamics import Method, inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion
 from stewart_pin.model.description import JointKind
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import MotionWrenches, WrenchSamples, wrench_samples
 from stewart_pin.state.state import State, as_chain
 from stewart_pin.typing import FloatArray
 
@@ -47,7 +49,8 @@ class Comparison(Brief):
         Motor forces (N, nu) by method, with massless legs and a point platform [N or N m].
     contributions
         Motor forces (N, nu) that each part is responsible for: the platform as a point, its rotational inertia
-        (with an offset centre of mass), the legs as points, their rotational inertia; they add up [N or N m].
+        (with an offset centre of mass), the legs as points, their rotational inertia, and wrenches from outside where
+        there are such; they add up [N or N m].
     notes
         What was left out, and why.
     """
@@ -75,6 +78,7 @@ def compare_methods(
     chain: ClosedChain,
     samples: PlatformSamples,
     *,
+    wrenches: MotionWrenches | None = None,
     kernels: bool | None = None,
     progress: Progress | None = None,
 ) -> Comparison:
@@ -86,6 +90,9 @@ def compare_methods(
         Closed chain whose platform can do the motion.
     samples
         The motion.
+    wrenches
+        What acts from outside, as in `motor_demand`; kernels are no method then, and the closed forms where it acts on
+        the platform alone [N, N m].
     kernels
         Whether compiled kernels are one of the methods, and give the contributions; None: for more than a handful of
         states, where CasADi is installed and the chain can be compiled.
@@ -103,6 +110,7 @@ def compare_methods(
         raise InputError(
             f"samples must be PlatformSamples, as sinusoidal_motion gives, got {type(samples).__name__}"
         )
+    outside = wrench_samples(chain, wrenches, samples.time)
     say = progress or (lambda stage, done, total: None)
     states: list[State] = []
     q = chain.q_home
@@ -113,10 +121,17 @@ def compare_methods(
         q = states[-1].q
         say("kinematics", k + 1, len(samples))
 
-    def tree_forces(variant: ClosedChain, method: Method, stage: str) -> FloatArray:
+    def tree_forces(
+        variant: ClosedChain, method: Method, stage: str, outside: WrenchSamples | None = outside
+    ) -> FloatArray:
         forces = np.empty((len(states), chain.nu))
         for k, state in enumerate(states):
-            forces[k] = inverse_dynamics(variant, state.q, state.v, state.a, method=method).tau_motor
+            forces[k] = inverse_dynamics(
+                variant,
+                *(state.q, state.v, state.a),
+                wrenches=None if outside is None else outside.at(k),
+                method=method,
+            ).tau_motor
             say(stage, k + 1, len(states))
         return forces
 
@@ -127,6 +142,9 @@ def compare_methods(
     followed = np.array([state.q[chain.motor_q_index] for state in states]).reshape(len(states), chain.nu)
 
     def array_forces(variant: ClosedChain) -> FloatArray | None:
+        if outside is not None:
+            notes.append("no kernels: wrenches act from outside")
+            return None
         try:
             compiled = kernels_for(variant, len(samples), kernels)
         except UnsupportedError as error:
@@ -165,19 +183,10 @@ def compare_methods(
         compiled = array_forces(variant)
         if compiled is not None:
             found["kernels"] = compiled
-    wanted: tuple[tuple[ClosedChain, dict[str, FloatArray], str, Form], ...] = (
-        (chain, forces, "closed_form", "leg_efforts"),
-        (simple, simplified, "closed_form", "leg_efforts"),
-        (chain, simplified, "point_mass", "point_mass"),
-    )
-    for variant, found, name, form in wanted:
-        admitted = admission(variant, form)
-        if admitted.admitted and isinstance(admitted.geometry, LegForm):
-            place = (samples.position, samples.rotation)
-            found[name] = admitted.geometry.efforts(*place, samples.twist, samples.acceleration)
-        else:
-            which = "simplified " if found is simplified else ""
-            notes.append(f"no {which}{name.replace('_', ' ')} for this robot: {admitted.reason}")
+    given = samples, outside
+    _add_closed_form("closed form", chain, "leg_efforts", *given, forces, notes)
+    _add_closed_form("simplified closed form", simple, "leg_efforts", *given, simplified, notes)
+    _add_closed_form("simplified point mass", chain, "point_mass", *given, simplified, notes)
     # Inverse dynamics is linear in the inertial parameters: what each adds is its share, whatever the order.
     rigid = forces_of(massless_legs(chain), "massless legs")
     points = forces_of(_point_legs(chain), "point legs")
@@ -188,9 +197,34 @@ def compare_methods(
         "leg masses": points - rigid,
         "leg inertia": whole - points,
     }
+    if outside is not None:
+        contributions["platform mass"] = tree_forces(simple, "pinocchio", "without wrenches", None)
+        contributions["wrenches"] = bare - contributions["platform mass"]
     return Comparison(
         chain.name, chain.motors, samples.time, forces, simplified, contributions, tuple(dict.fromkeys(notes))
     )
+
+
+def _add_closed_form(
+    name: str,
+    chain: ClosedChain,
+    form: Literal["leg_efforts", "point_mass"],
+    samples: PlatformSamples,
+    outside: WrenchSamples | None,
+    found: dict[str, FloatArray],
+    notes: list[str],
+) -> None:
+    """Add the motor forces (N, nu) by a closed form; where it does not stand, a note that says why."""
+    admitted = admission(chain, form)
+    if not (admitted.admitted and isinstance(admitted.geometry, LegForm)):
+        notes.append(f"no {name} for this robot: {admitted.reason}")
+        return
+    pushed = None if outside is None else outside.on_platform(chain, samples.rotation)
+    if outside is not None and pushed is None:
+        notes.append(f"no {name}: wrenches act on other links than the platform")
+        return
+    motion = samples.position, samples.rotation, samples.twist, samples.acceleration
+    found[name.removeprefix("simplified ").replace(" ", "_")] = admitted.geometry.efforts(*motion, pushed)
 
 
 def spread(forces: Mapping[str, FloatArray]) -> float:

@@ -16,6 +16,7 @@ import stewart_pin as stp
 from stewart_pin.errors import InputError, SingularityError, UnreachableError, UnsupportedError
 from stewart_pin.mechanics.capability.enumeration import image_of_limits
 from stewart_pin.mechanics.capability.limits import binding_limits
+from tests.closed_states import random_configuration
 
 _spec = importlib.util.spec_from_file_location("small_robots", Path(__file__).with_name("small_robots.py"))
 assert _spec is not None and _spec.loader is not None
@@ -411,3 +412,25 @@ def test_limits_are_projected_along_motions_that_do_not_count(inner: int, rng) -
             assert support == pytest.approx(-best.fun, rel=1e-7, abs=1e-8)
             bound += support < np.abs(direction).sum() - 1e-6
     assert told > 20 and bound > 20
+
+
+def test_a_wrench_from_outside_shifts_what_motors_can_exert(rng: np.random.Generator) -> None:
+    """At the platform it adds to the set; at a leg, what inverse dynamics says that it does to the motors."""
+    chain = stp.load("stewart")
+    q = random_configuration(chain, rng, 0.05)
+    free = stp.polytopes.wrench_polytope(chain, q, effort_limit=300.0, gravity=True)
+    push = 40 * rng.normal(size=6)
+    moved = stp.polytopes.wrench_polytope(
+        chain, q, effort_limit=300.0, gravity=True, wrenches={"platform": push}
+    )
+    shift = moved.vertices.mean(axis=0) - free.vertices.mean(axis=0)
+    np.testing.assert_allclose(shift, push, atol=1e-8 * np.abs(push).max())
+    leg = {"leg3_lower": 40 * rng.normal(size=6)}
+    held = stp.polytopes.wrench_polytope(chain, q, effort_limit=300.0, gravity=True, wrenches=leg)
+    shift = held.vertices.mean(axis=0) - free.vertices.mean(axis=0)
+    efforts = [
+        stp.inverse_dynamics(chain.at(q), wrenches=given).tau_motor
+        for given in (None, leg, {"platform": shift})
+    ]
+    assert np.abs(efforts[1] - efforts[0]).max() > 1.0
+    np.testing.assert_allclose(efforts[2], efforts[1], atol=1e-8 * np.abs(efforts[1]).max())

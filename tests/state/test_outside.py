@@ -98,12 +98,43 @@ def test_a_wrench_on_the_ground_changes_nothing() -> None:
 
 def test_samples_are_one_for_each_state(rng: np.random.Generator) -> None:
     chain, moved = robot("stewart"), rng.normal(size=(4, 6))
-    samples = wrench_samples(chain, {"platform": moved, "leg1_lower": [0, 0, 1, 0, 0, 0]}, 4)
-    assert len(samples) == 4
-    for sample, row in zip(samples, moved, strict=True):
-        assert np.array_equal(sample.by_link()["platform"], row)
-        assert np.array_equal(sample.by_link()["leg1_lower"], [0, 0, 1, 0, 0, 0])
-    assert wrench_samples(chain, None, 4) == wrench_samples(chain, {}, 4) == ()
+    samples = wrench_samples(chain, {"platform": moved, "leg1_lower": [0, 0, 1, 0, 0, 0]}, np.arange(4.0))
+    for k, row in enumerate(moved):
+        found = samples.at(k).by_link()
+        assert np.array_equal(found["platform"], row)
+        assert np.array_equal(found["leg1_lower"], [0, 0, 1, 0, 0, 0])
+    assert wrench_samples(chain, None, np.arange(4.0)) is None
+    assert wrench_samples(chain, {}, np.arange(4.0)) is None
+
+
+def test_a_function_names_the_links_that_bear_something() -> None:
+    """A link that it leaves out at an instant bears nothing then."""
+    chain = robot("stewart")
+
+    def gust(t: float) -> dict[str, list[float]] | None:
+        if t == 0:
+            return None
+        return {"platform": [t, 0, 0, 0, 0, 0]} if t < 2 else {"leg1_lower": [0, t, 0, 0, 0, 0]}
+
+    samples = wrench_samples(chain, gust, np.array([0.0, 1.0, 2.0]))
+    assert [place.link for place in samples.places] == ["platform", "leg1_lower"]
+    assert np.array_equal(samples.values[:, 0, 0], [0, 1, 0])
+    assert np.array_equal(samples.values[:, 1, 1], [0, 0, 2])
+    assert wrench_samples(chain, lambda t: None, np.arange(3.0)) is None
+    with pytest.raises(InputError, match=r"must return \{link: \(6,\)\}.*got ndarray at 0 s"):
+        wrench_samples(chain, lambda t: np.zeros(6), np.arange(3.0))
+
+
+def test_what_acts_on_the_platform_is_gathered_there(rng: np.random.Generator) -> None:
+    tool = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+    chain = stp.with_platform(stp.load("stewart"), "platform", placement=tool, name="tool")
+    state = chain.at(random_configuration(chain, rng, 0.1))
+    wrenches = {"tool": rng.normal(size=6), "platform": rng.normal(size=6), "base": rng.normal(size=6)}
+    gathered = wrench_samples(chain, wrenches, np.zeros(1)).on_platform(chain, state.pose.rotation[None])
+    same = as_wrenches(chain, {"tool": gathered[0]})
+    close(outside_efforts(state, same), outside_efforts(state, as_wrenches(chain, wrenches)), 1e-12)
+    elsewhere = wrench_samples(chain, {"leg1_lower": np.ones(6)}, np.zeros(1))
+    assert elsewhere.on_platform(chain, state.pose.rotation[None]) is None
 
 
 @pytest.mark.parametrize(
@@ -131,6 +162,6 @@ def test_samples_of_another_number_are_refused() -> None:
     with pytest.raises(
         InputError, match=r"wrenches\['platform'\] must have shape \(6,\) or \(4, 6\), got \(3, 6\)"
     ):
-        wrench_samples(chain, {"platform": np.zeros((3, 6))}, 4)
+        wrench_samples(chain, {"platform": np.zeros((3, 6))}, np.arange(4.0))
     with pytest.raises(InputError, match=r"wrenches\['platform'\] must be finite"):
-        wrench_samples(chain, {"platform": np.full((4, 6), np.inf)}, 4)
+        wrench_samples(chain, {"platform": np.full((4, 6), np.inf)}, np.arange(4.0))

@@ -26,6 +26,7 @@ from stewart_pin.mechanics.capability.polytope import Polytope
 from stewart_pin.mechanics.effort import hangs
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
+from stewart_pin.state.outside import Wrenches, as_wrenches, outside_efforts
 from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import JACOBIAN_SINGULAR, SINGULAR, TAKES_PART
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
@@ -237,13 +238,15 @@ def wrench_polytope(
     *,
     effort_limit: ArrayLike | None = None,
     gravity: bool = False,
+    wrenches: Wrenches | None = None,
     length: float | None = None,
 ) -> Polytope:
     r"""Find all wrenches that the platform can exert on its surroundings at rest.
 
     By virtual work, with N the motions that keep the loops closed and P the platform's Jacobian,
 
-    .. math:: (P N)^\top w = (S N)^\top \tau - N^\top g(q), \qquad \tau_{min} \le \tau \le \tau_{max}.
+    .. math:: (P N)^\top w = (S N)^\top \tau - N^\top g(q) + N^\top \sum J_f^\top w_f, \qquad
+              \tau_{min} \le \tau \le \tau_{max}.
 
     The set is exact: a skewed box with 64 corners for six motors and six freedoms, a zonotope for redundant motors.
     A wrench that the structure carries without any motor (across the plane of a planar robot) is left out; joints at
@@ -260,6 +263,8 @@ def wrench_polytope(
         chain, which may differ between push and pull [N or N m].
     gravity
         Whether the motors carry the weight of all bodies first; otherwise everything is weightless.
+    wrenches
+        {link: (6,)} what acts from outside already, as in `inverse_dynamics`, and shifts the set [N, N m].
     length
         Length that makes moments and forces comparable; default: ``chain.length_scale`` [m].
 
@@ -290,6 +295,9 @@ def wrench_polytope(
     weight = -freedom.motions[chain.motor_index].T @ middle
     if gravity:
         weight = weight + freedom.motions.T @ state.weight
+    outside = as_wrenches(chain, wrenches)
+    if outside is not None:
+        weight = weight - freedom.motions.T @ outside_efforts(state, outside)
     held, efforts = _inner_balance(state, space.share, motors, weight)
     to_platform = np.linalg.pinv(space.share.T)
     names = tuple(
@@ -323,7 +331,8 @@ def _inner_balance(
     round_off = largest <= _AT_REST * max(1.0, float(np.abs(weight).max()))
     if not round_off and not hangs(state, state.freedom.motions @ inner, left):
         raise UnsupportedError(
-            f"the robot cannot rest here: {largest:.3g} N or N m of its weight loads a motion that no motor drives"
+            f"the robot cannot rest here: {largest:.3g} N or N m of its weight, or of the wrenches, loads a "
+            "motion that no motor drives"
         )
     return held, vt[rank:].T
 

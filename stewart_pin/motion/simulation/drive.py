@@ -9,9 +9,12 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from stewart_pin.errors import ConvergenceError, InputError, StewartPinError
+from stewart_pin.mechanics.inverse_dynamics import require_idle_inertia
 from stewart_pin.motion.simulation.motors import MotorBank
 from stewart_pin.motion.simulation.plant import Plant
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, asked_wrenches, outside_efforts
+from stewart_pin.state.state import State
 from stewart_pin.tolerances import WHOLE_STEPS
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
@@ -19,8 +22,18 @@ Controller = Callable[[float, Configuration, Tangent], FloatArray]
 """(t, q, v) to the motor efforts (nu,) asked for [N or N m]."""
 
 
+SimulationWrenches = Wrenches | Callable[[float, State], Wrenches | None]
+"""{link: (6,)} from outside, or a function of the instant [s] and the state that returns them [N, N m]."""
+ACCOUNTS = 3
+"""Entries of x before the controller's own: work of the drives, heat, work of the wrenches from outside [J]."""
+
+
 class ControllerFailure(StewartPinError):
     """A controller gave no efforts."""
+
+
+class WrenchFailure(ControllerFailure):
+    """A function gave no wrenches."""
 
 
 @runtime_checkable
@@ -263,6 +276,68 @@ def _multiple(period: float, dt: float) -> int:
 
 
 # ----------------------------------------------------------------------------------------------------
+# What acts from outside
+# ----------------------------------------------------------------------------------------------------
+
+
+class Push:
+    """Wrenches from outside during one run.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    wrenches
+        {link: (6,)}, or a function of the instant and the state that returns them, or None [N, N m].
+    """
+
+    def __init__(self, chain: ClosedChain, wrenches: SimulationWrenches | None) -> None:
+        self._chain = chain
+        self._function = wrenches if callable(wrenches) else None
+        self._constant = None if callable(wrenches) else as_wrenches(chain, wrenches)
+
+    def at(
+        self, t: float, q: Configuration, v: Tangent, *, weightless: bool
+    ) -> tuple[OutsideWrenches, FloatArray] | None:
+        """Tell what acts at an instant, and what it does to the joints.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+        weightless
+            Whether some motion has no inertia, so that nothing may push it.
+
+        Returns
+        -------
+        tuple or None
+            Wrenches, and (nv,) joint efforts that do the same work [N, N m]; None where nothing acts.
+
+        Raises
+        ------
+        WrenchFailure
+            If the function gives no wrenches, or they push an idle freedom that has no inertia.
+        """
+        if self._function is None and self._constant is None:
+            return None
+        state, outside = State(self._chain, q, v), self._constant
+        try:
+            if self._function is not None:
+                outside = as_wrenches(self._chain, asked_wrenches(self._function, t, state))
+            if outside is None:
+                return None
+            if weightless:
+                require_idle_inertia(state, outside)
+        except StewartPinError as error:
+            raise WrenchFailure(f"the wrenches failed at {t:g} s: {error}") from error
+        return outside, outside_efforts(state, outside)
+
+
+# ----------------------------------------------------------------------------------------------------
 # What moves a state on: efforts of the drives, losses and accelerations, asked once where they are needed twice
 # ----------------------------------------------------------------------------------------------------
 
@@ -281,10 +356,12 @@ class Flow:
         Motors.
     plant
         Mechanism.
+    push
+        Wrenches from outside.
     """
 
-    def __init__(self, drive: Drive, bank: MotorBank, plant: Plant) -> None:
-        self._drive, self._bank, self._plant = drive, bank, plant
+    def __init__(self, drive: Drive, bank: MotorBank, plant: Plant, push: Push) -> None:
+        self._drive, self._bank, self._plant, self._push = drive, bank, plant, push
         self._motor_q, self._motor_v = plant.chain.motor_q_index, plant.chain.motor_index
         self.forget()
 
@@ -292,6 +369,7 @@ class Flow:
         """Compute anew next time: the plant has chosen other ways."""
         self._asked: tuple[float, Configuration, Tangent, FloatArray] | None = None
         self._rates: tuple[Tangent, FloatArray] | None = None
+        self._outside: OutsideWrenches | None = None
 
     def command(self, t: float, q: Configuration, v: Tangent, x: FloatArray) -> FloatArray:
         """Ask the controller.
@@ -305,7 +383,7 @@ class Flow:
         v
             (nv,) tangent velocity [m/s, rad/s].
         x
-            Work supplied, heat [J], and the state of the controller [m s or rad s].
+            Work supplied, heat, work from outside [J], and the state of the controller [m s or rad s].
 
         Returns
         -------
@@ -314,7 +392,7 @@ class Flow:
         """
         known = self._asked
         if known is None or known[0] != t or known[1] is not q or known[2] is not v or known[3] is not x:
-            self._command = self._drive.effort(t, q, v, x[2:])
+            self._command = self._drive.effort(t, q, v, x[ACCOUNTS:])
             self._asked, self._rates = (t, q, v, x), None
         return self._command
 
@@ -330,7 +408,7 @@ class Flow:
         v
             (nv,) tangent velocity [m/s, rad/s].
         x
-            Work supplied, heat [J], and the state of the controller [m s or rad s].
+            Work supplied, heat, work from outside [J], and the state of the controller [m s or rad s].
 
         Returns
         -------
@@ -351,7 +429,7 @@ class Flow:
         v
             (nv,) tangent velocity [m/s, rad/s].
         x
-            Work supplied, heat [J], and the state of the controller [m s or rad s].
+            Work supplied, heat, work from outside [J], and the state of the controller [m s or rad s].
 
         Returns
         -------
@@ -364,14 +442,40 @@ class Flow:
         ------
         ConvergenceError
             If the velocity is no number.
+        WrenchFailure
+            If a function gives no wrenches, or they push an idle freedom that has no inertia.
         """
         if not math.isfinite(v @ v):
             raise ConvergenceError("the velocity grows beyond all numbers", residual=math.inf)
         given, rate = self.delivered(t, q, v, x), v[self._motor_v]
         if self._rates is None:
             loss, heat = self._bank.losses(q[self._motor_q], rate)
+            pushed = self._push.at(t, q, v, weightless=self._plant.weightless)
+            self._outside, efforts = (None, None) if pushed is None else pushed
             x_rate = np.empty(x.size)
-            x_rate[0], x_rate[1] = given @ rate, heat
-            x_rate[2:] = self._drive.state_rate(t, q, v, x[2:])
-            self._rates = self._plant.acceleration(q, v, given + loss), x_rate
+            x_rate[:ACCOUNTS] = given @ rate, heat, 0.0 if efforts is None else efforts @ v
+            x_rate[ACCOUNTS:] = self._drive.state_rate(t, q, v, x[ACCOUNTS:])
+            self._rates = self._plant.acceleration(q, v, given + loss, efforts), x_rate
         return self._rates
+
+    def outside(self, t: float, q: Configuration, v: Tangent, x: FloatArray) -> OutsideWrenches | None:
+        """Tell what acts from outside.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        q
+            (nq,) configuration, loops closed or nearly so [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+        x
+            Work supplied, heat, work from outside [J], and the state of the controller [m s or rad s].
+
+        Returns
+        -------
+        OutsideWrenches or None
+            None where nothing acts.
+        """
+        self.rates(t, q, v, x)
+        return self._outside

@@ -17,7 +17,7 @@ from stewart_pin.tolerances import EPS
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 EventKind = Literal[
-    "stroke", "rate", "effort", "singularity", "closure_lost", "diverged", "controller", "energy"
+    "stroke", "rate", "effort", "singularity", "closure_lost", "diverged", "controller", "wrenches", "energy"
 ]
 KINDS: tuple[EventKind, ...] = get_args(EventKind)
 """Names of events."""
@@ -37,11 +37,11 @@ class Event:
     kind
         One of ``stroke``, ``rate``, ``effort``: a motor or another joint passed its limit; ``singularity``: the
         motors' hold on the platform, or the distance of the loops to a singularity of theirs, fell below the
-        threshold; ``closure_lost``, ``diverged``, ``controller`` (it gave no efforts), ``energy`` (the step is too
-        large): the run ended there.
+        threshold; ``closure_lost``, ``diverged``, ``controller`` (no efforts), ``wrenches`` (their function gave
+        none), ``energy`` (the step is too large): the run ended there.
     joint
-        The motor or other joint, the joint that moves most in the motion that is lost or gained, the loop, or
-        ``energy``.
+        The motor or other joint, the joint that moves most in the motion that is lost or gained, the loop,
+        ``wrenches`` or ``energy``.
     value
         What was reached [m, rad, m/s, rad/s, N, N m, J, or a singular value].
     limit
@@ -314,7 +314,7 @@ _STILL = EPS**0.5
 
 
 class EnergyAccount:
-    """What energy there is, what was supplied and what became heat, compared since the first start.
+    """What energy there is, what was supplied or came from outside, and what became heat, since the first start.
 
     Parameters
     ----------
@@ -329,7 +329,14 @@ class EnergyAccount:
         self._floor, self.memory = _STILL * floor, start
 
     def off(
-        self, kinetic: float, potential: float, supplied: float, heat: float, doubt: float, last: bool
+        self,
+        kinetic: float,
+        potential: float,
+        supplied: float,
+        heat: float,
+        outside: float,
+        doubt: float,
+        last: bool,
     ) -> tuple[float, float]:
         """Compare the account with its start.
 
@@ -337,8 +344,8 @@ class EnergyAccount:
         ----------
         kinetic, potential
             Energies now, springs with the latter [J].
-        supplied, heat
-            Work and heat since the first start [J].
+        supplied, heat, outside
+            Work of the motors, heat, and work of wrenches from outside, since the first start [J].
         doubt
             Estimated error of their quadrature [J].
         last
@@ -351,13 +358,13 @@ class EnergyAccount:
         scale : float
             Energy that the motion has exchanged or held in motion [J].
         """
-        balance = kinetic + potential - supplied + heat
+        balance = kinetic + potential - supplied - outside + heat
         if self.memory is None:
             self.memory = (balance, potential, potential, kinetic)
         first, lowest, highest, fastest = self.memory
         lowest, highest, fastest = min(lowest, potential), max(highest, potential), max(fastest, kinetic)
         self.memory = (first, lowest, highest, fastest)
-        scale = max(fastest, highest - lowest, abs(supplied), heat)
+        scale = max(fastest, highest - lowest, abs(supplied), abs(outside), heat)
         error = balance - first
         allowed = (
             SHARE * scale

@@ -207,7 +207,14 @@ class Plant:
             decomposition: Any = qr(state.rows.T, mode="economic", pivoting=True)
             self.rows = np.sort(decomposition[2][:rank])
 
-    def acceleration(self, q: Configuration, v: Tangent, tau_motor: FloatArray) -> Tangent:
+    @property
+    def weightless(self) -> bool:
+        """Whether some motion of the chain has no inertia."""
+        return self._weightless
+
+    def acceleration(
+        self, q: Configuration, v: Tangent, tau_motor: FloatArray, pushed: FloatArray | None = None
+    ) -> Tangent:
         """Compute the acceleration under motor efforts.
 
         Parameters
@@ -218,19 +225,23 @@ class Plant:
             (nv,) tangent velocity [m/s, rad/s].
         tau_motor
             (nu,) efforts on the motor coordinates [N or N m].
+        pushed
+            (nv,) joint efforts of wrenches from outside, which compiled code does not take; or None [N, N m].
 
         Returns
         -------
         numpy.ndarray
             (nv,) tangent acceleration; not finite where the equations are singular [m/s², rad/s²].
         """
-        if self._kernel is not None:
+        if self._kernel is not None and pushed is None:
             a, _ = self._kernel(q, v, tau_motor)
             if self._kernel.status is StateStatus.OK:
                 return a
             # A pivot has grown small, or the state is singular: the careful way knows.
         tau = self._tau
         tau[self.chain.motor_index] = tau_motor
+        if pushed is not None:
+            tau = tau + pushed
         if self._constrained is not None:
             return np.array(
                 pin.constraintDynamics(self.model, self._data, q, v, tau, *self._constrained, self._settings)

@@ -15,6 +15,7 @@ from stewart_pin.motion.simulation.plant import PlantMemory
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import Excess
+from stewart_pin.state.outside import OutsideWrenches, WrenchSamples, gathered_samples
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 
@@ -74,8 +75,8 @@ class SimulationState(Brief):
         (nu,) efforts that a sampled controller holds [N or N m].
     sampled
         Step at which a sampled controller acted last, or -1.
-    supplied, dissipated
-        Work of the motors, and heat, since the first start [J].
+    supplied, dissipated, outside
+        Work of the motors, heat, and work of wrenches from outside, since the first start [J].
     memory
         What the parts of the run remember; None: a state made by hand.
     """
@@ -90,6 +91,7 @@ class SimulationState(Brief):
     sampled: int = -1
     supplied: float = 0.0
     dissipated: float = 0.0
+    outside: float = 0.0
     memory: Memory | None = None
 
     @property
@@ -120,6 +122,11 @@ class Simulation(Brief):
         (N,) work of the drives since the start [J].
     dissipated
         (N,) heat in friction and end stops since the start [J].
+    outside
+        (N,) work of the wrenches from outside since the start; `energy` is what it was at the start, plus `supplied`
+        and this, less `dissipated` [J].
+    wrenches
+        What acted from outside at these instants; None where nothing ever did.
     gap
         (N,) largest entry of the loop gap [m].
     largest_gap
@@ -146,6 +153,8 @@ class Simulation(Brief):
     energy: FloatArray
     supplied: FloatArray
     dissipated: FloatArray
+    outside: FloatArray
+    wrenches: WrenchSamples | None
     gap: FloatArray
     largest_gap: float
     events: tuple[Event, ...]
@@ -231,7 +240,8 @@ class Recorder:
         self._tau = np.empty((size, chain.nu))
         self._position, self._rotation = np.empty((size, 3)), np.empty((size, 3, 3))
         self._twist, self._acceleration = np.empty((size, 6)), np.empty((size, 6))
-        self._numbers = np.empty((size, 4))
+        self._numbers = np.empty((size, 5))
+        self._outside: list[OutsideWrenches | None] = []
 
     def add(
         self,
@@ -240,7 +250,8 @@ class Recorder:
         v: Tangent,
         a: Tangent,
         tau_motor: FloatArray,
-        numbers: tuple[float, float, float, float],
+        outside: OutsideWrenches | None,
+        numbers: tuple[float, float, float, float, float],
     ) -> None:
         """Record one instant.
 
@@ -256,8 +267,10 @@ class Recorder:
             (nv,) tangent acceleration [m/s², rad/s²].
         tau_motor
             (nu,) efforts given [N or N m].
+        outside
+            Wrenches from outside, or None.
         numbers
-            Energy, supplied work, heat [J], and gap [m].
+            Energy, supplied work, heat, work from outside [J], and gap [m].
         """
         k, data = self._count, self._data
         # Without a platform the frame of the ground is looked at, and nothing is said of it.
@@ -272,6 +285,7 @@ class Recorder:
             self._chain.model, data, platform, axes
         ).vector
         self._numbers[k] = numbers
+        self._outside.append(outside)
         self._count += 1
 
     def finish(
@@ -310,7 +324,7 @@ class Recorder:
         samples = PlatformSamples(
             self._time[n], self._position[n], self._rotation[n], self._twist[n], self._acceleration[n]
         )
-        energy, supplied, dissipated, gap = self._numbers[n].T
+        energy, supplied, dissipated, outside, gap = self._numbers[n].T
         return Simulation(
             time=self._time[n],
             q=self._q[n],
@@ -320,6 +334,8 @@ class Recorder:
             energy=energy,
             supplied=supplied,
             dissipated=dissipated,
+            outside=outside,
+            wrenches=gathered_samples(self._outside),
             gap=gap,
             largest_gap=largest_gap,
             events=tuple(events),

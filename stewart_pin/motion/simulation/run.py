@@ -12,7 +12,7 @@ import numpy as np
 from stewart_pin.checks import as_number, as_positive
 from stewart_pin.errors import ClosureError, ConvergenceError, InputError, SingularityError
 from stewart_pin.kernels.choosing import simulation_kernels
-from stewart_pin.motion.simulation.drive import ControllerFailure, Drive, Flow
+from stewart_pin.motion.simulation.drive import ACCOUNTS, ControllerFailure, Drive, Flow, Push, WrenchFailure
 from stewart_pin.motion.simulation.events import SHARE, EnergyAccount, Event, LoopNearness, Watcher
 from stewart_pin.motion.simulation.motors import MotorBank, Motors
 from stewart_pin.motion.simulation.plant import Plant
@@ -94,6 +94,8 @@ class Run:
         Where the run begins, or an earlier one ended.
     drive
         The controller.
+    push
+        Wrenches from outside.
     motors
         What its efforts go through.
     options
@@ -101,7 +103,13 @@ class Run:
     """
 
     def __init__(
-        self, chain: ClosedChain, start: SimulationState, drive: Drive, motors: Motors, options: Options
+        self,
+        chain: ClosedChain,
+        start: SimulationState,
+        drive: Drive,
+        push: Push,
+        motors: Motors,
+        options: Options,
     ) -> None:
         self.chain, self.start, self.drive, self.options = chain, start, drive, options
         count = _steps(options.duration, options.dt)
@@ -119,7 +127,7 @@ class Run:
         self.pending: list[Event] = []
         memory = start.memory
         self.account = EnergyAccount(self.plant.weight_by_size, None if memory is None else memory.account)
-        self.flow = Flow(drive, self.bank, self.plant)
+        self.flow = Flow(drive, self.bank, self.plant, push)
         if options.method == "fixed":
             self.stepper = RungeKuttaStepper(self.plant, self.flow.rates, self._passed)
         else:
@@ -131,7 +139,7 @@ class Run:
             self.watcher.memory, self.loops.memory = memory.watcher, memory.loops
             self.stepper.first_step, self.stepper.doubt = memory.first_step, memory.doubt
         q, v, gap = _closed(self.plant, start)
-        x = np.concatenate([[start.supplied, start.dissipated], start.controller])
+        x = np.concatenate([[start.supplied, start.dissipated, start.outside], start.controller])
         self.here = Phase(q, v, x, gap), start.steps
         """What has been reached, and by how many steps: one attribute, so that an interrupt leaves both or neither."""
         self.largest_gap = gap
@@ -167,7 +175,9 @@ class Run:
             if self.recorded < 0:
                 raise InputError(str(error)) from error
             at = self._time(self.here[1])
-            self.watcher.note(Event(at, "controller", ", ".join(self.chain.motors), math.nan, math.nan))
+            outside = isinstance(error, WrenchFailure)
+            kind, name = ("wrenches",) * 2 if outside else ("controller", ", ".join(self.chain.motors))
+            self.watcher.note(Event(at, kind, name, math.nan, math.nan))
             self.reason, self.speechless = str(error), True
         except KeyboardInterrupt as error:
             self.reason, interrupt = f"interrupted at {self._time(self.here[1]):g} s", error
@@ -182,7 +192,7 @@ class Run:
         t = self._time(k)
         if drive.every and k % drive.every == 0 and k != self.sampled:
             x = phase.x.copy()
-            x[2:] = drive.sample(t, phase.q, phase.v, x[2:])
+            x[ACCOUNTS:] = drive.sample(t, phase.q, phase.v, x[ACCOUNTS:])
             phase = phase._replace(x=x)
             self.here, self.sampled = (phase, k), k
             self.stepper.restart()
@@ -227,9 +237,10 @@ class Run:
         a, given = self.flow.rates(*here)[0], self.flow.delivered(*here)
         kinetic, potential = self.plant.energy(phase.q, phase.v)
         potential += self.bank.stored(phase.q[self.chain.motor_q_index])
-        numbers = (kinetic + potential, phase.x[0], phase.x[1], phase.gap)
-        self.recorder.add(t, phase.q, phase.v, a, given, numbers)
-        error, scale = self.account.off(kinetic, potential, phase.x[0], phase.x[1], self.stepper.doubt, last)
+        supplied, heat, outside = phase.x[:ACCOUNTS]
+        numbers = (kinetic + potential, supplied, heat, outside, phase.gap)
+        self.recorder.add(t, phase.q, phase.v, a, given, self.flow.outside(*here), numbers)
+        error, scale = self.account.off(kinetic, potential, supplied, heat, outside, self.stepper.doubt, last)
         if not error:
             return ""
         self.watcher.note(Event(t, "energy", "energy", error, SHARE * scale))
@@ -284,11 +295,12 @@ class Run:
             steps=k,
             q=phase.q,
             v=phase.v,
-            controller=phase.x[2:],
+            controller=phase.x[ACCOUNTS:],
             held=self.drive.held,
             sampled=self.sampled,
             supplied=float(phase.x[0]),
             dissipated=float(phase.x[1]),
+            outside=float(phase.x[2]),
             memory=memory,
         )
         return self.recorder.finish(

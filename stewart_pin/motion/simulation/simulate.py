@@ -13,7 +13,9 @@ from stewart_pin.motion.simulation.drive import (
     Controller,
     Drive,
     DynamicController,
+    Push,
     Sampled,
+    SimulationWrenches,
 )
 from stewart_pin.motion.simulation.events import (
     KINDS,
@@ -43,6 +45,7 @@ def simulate(
     duration: float,
     dt: float = 1e-3,
     method: Method = "fixed",
+    wrenches: SimulationWrenches | None = None,
     motors: Motors | None = None,
     start_time: float = 0.0,
     record_rate: float | None = None,
@@ -79,6 +82,10 @@ def simulate(
         ``"fixed"``: classical Runge-Kutta method, order 4, each step projected onto closed loops (position by Newton's
         method, velocity onto the null space of the loop Jacobian). Or a method of SciPy's, ``"RK45"``, ``"DOP853"``,
         ``"Radau"``, …, in independent coordinates about a moving base.
+    wrenches
+        What acts from outside: {link: (6,)} [force; moment] on the link, at the origin of its frame, world axes; or a
+        function of the instant and the `State`, called like the controller, that returns them, or None; the platform is
+        ``chain.platform`` [N, N m].
     motors
         Friction, end stops, inertia and limits of the motors; default: ideal ones with the file's limits of effort.
     start_time
@@ -96,7 +103,8 @@ def simulate(
         Tolerances of SciPy's methods, lengths in robot sizes.
     kernels
         Whether compiled code computes acceleration and projection; None: in runs so long that compiling pays. They are
-        compared with the careful ways 50 times per second of the run, and left where they lose digits.
+        compared with the careful ways 50 times per second of the run, and left where they lose digits. Under wrenches
+        they compute the projection alone.
     progress
         Told from time to time.
 
@@ -108,7 +116,8 @@ def simulate(
     Raises
     ------
     InputError
-        If an argument makes no sense, the state does not keep the loops closed, or the controller returns no efforts.
+        If an argument makes no sense, the state does not keep the loops closed, the controller returns no efforts, or
+        the function no wrenches.
     SingularityError
         If nothing with inertia takes part in a motion, so that no acceleration is determined.
     SimulationInterrupted
@@ -129,7 +138,7 @@ def simulate(
     start_time = as_number("start_time", start_time)
     state = SimulationState(start_time, 0, dt, q, v, np.zeros(drive.state_size), np.zeros(chain.nu))
     options = _options(duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress)
-    return Run(chain, state, drive, _motors(motors), options).go()
+    return Run(chain, state, drive, Push(chain, wrenches), _motors(motors), options).go()
 
 
 def _motors(motors: Motors | None) -> Motors:
@@ -146,6 +155,7 @@ def resume(
     duration: float,
     dt: float | None = None,
     method: Method = "fixed",
+    wrenches: SimulationWrenches | None = None,
     motors: Motors | None = None,
     record_rate: float | None = None,
     singular: float = 1e-3,
@@ -169,7 +179,7 @@ def resume(
         Further time [s].
     dt
         Step [s]; default: the earlier one.
-    method, motors, record_rate, singular, stop_on, rtol, atol, kernels, progress
+    method, wrenches, motors, record_rate, singular, stop_on, rtol, atol, kernels, progress
         As in `simulate`; `kernels` None: as in the earlier run.
 
     Returns
@@ -203,7 +213,7 @@ def resume(
     if kernels is None and state.memory is not None:
         kernels = state.memory.plant.kernel or state.memory.plant.projector
     options = _options(duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress)
-    return Run(chain, state, drive, _motors(motors), options).go()
+    return Run(chain, state, drive, Push(chain, wrenches), _motors(motors), options).go()
 
 
 def _options(

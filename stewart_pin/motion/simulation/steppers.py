@@ -103,7 +103,7 @@ class Phase(NamedTuple):
     v
         (nv,) tangent velocity [m/s, rad/s].
     x
-        (m,) supplied work, heat [J], and the controller's own state.
+        (m,) supplied work, heat, work from outside [J], and the controller's own state.
     gap
         Largest entry of the loop gap [m].
     """
@@ -191,7 +191,7 @@ class RungeKuttaStepper:
         q = pin.integrate(model, q, h / 6 * (v + 2 * (d2 + d3) + d4))
         v = v + h / 6 * (a1 + 2 * (a2 + a3) + a4)
         # Simpson's rule with four stages, against the trapezium with two of them.
-        self.doubt += h / 3 * float(np.abs(x2 + x3 - x1 - x4)[:2].sum())
+        self.doubt += h / 3 * float(np.abs(x2 + x3 - x1 - x4)[:3].sum())
         x = x + h / 6 * (x1 + 2 * (x2 + x3) + x4)
         q, v, gap = self._plant.project(q, v)
         moved = Phase(q, v, x, gap)

@@ -15,6 +15,21 @@ def motor_demand(t: Telling, c: Case) -> Answers:
     return _demand(t, stp.motor_demand(t.chain, told_motion(t, c, 1.0), kernels=False))
 
 
+@asks("motor_demand", "simulate")
+def pushed_platform(t: Telling, c: Case) -> Answers:
+    """Push the platform, whose frame stands where it stood, along the axes of the world."""
+    push = c.effort * np.repeat([1.0, c.chain.length_scale], 3) * np.linspace(0.5, 1.0, 6)
+    wrenches = {t.chain.platform: t.turned(push)}
+    demand = stp.motor_demand(t.chain, told_motion(t, c, 1.0), wrenches=wrenches, kernels=False)
+    q, v, _ = t.state(c.near, 0.1 * keeps_closed(c, c.near))
+    moved = stp.simulate(t.chain, q, v, duration=2e-3, dt=1e-3, wrenches=wrenches, kernels=False)
+    return _demand(t, demand) | {
+        "moved motors": t.motors(moved.v[:, t.chain.motor_index]),
+        "moved platform": t.twists(moved.platform.twist),
+        "work": Sized(moved.outside[-1], c.effort * c.chain.length_scale),
+    }
+
+
 @asks("motor_demand", kind="compiled")
 def demand_by_kernels(t: Telling, c: Case) -> Answers:
     return _demand(t, stp.motor_demand(t.chain, told_motion(t, c, 1.0), kernels=True))
