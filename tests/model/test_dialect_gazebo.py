@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
+from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import JointKind, Loop
 from stewart_pin.model.formats.reading import read_urdf
 from tests.model.small_dialects import BALL, GAZEBO, HINGE, assert_same_motion, open_square
@@ -96,3 +97,18 @@ def test_gravity_that_is_off_for_a_link_is_told(words: str, tmp_path: Path) -> N
     text = GAZEBO.format(kind="ball", axis="") + f'<gazebo reference="rod">{words}</gazebo>'
     report = str(stp.load(write(tmp_path, open_square(text))).report)
     assert "gravity is off for this link in Gazebo, and stays on here" in report
+
+
+def test_models_of_gazebo_are_left_out_with_the_joint_that_hangs_them_on_the_robot(tmp_path: Path) -> None:
+    lamp = "<gazebo><model name='lamp'><link name='light'/></model></gazebo>"
+    hung = "<gazebo><joint name='h{}' type='fixed'><parent>{}</parent><child>lamp::light</child></joint></gazebo>"
+    chain = stp.load(write(tmp_path, robot(*ASKEW, lamp, hung.format(1, "rod"))))
+    assert chain.nv == 2 and not chain.loops
+    assert "hangs the <gazebo> model 'lamp' on the robot: both left out (joint 'h1' of <gazebo>)" in str(
+        chain.report
+    )
+    both = (lamp, hung.format(1, "rod"), hung.format(2, "platform"))
+    with pytest.raises(FileFormatError, match=r"'h2' of <gazebo> is the second .* may close a loop"):
+        stp.load(write(tmp_path, robot(*ASKEW, *both)))
+    with pytest.raises(FileFormatError, match=r"missing link 'lamp::light'"):
+        stp.load(write(tmp_path, robot(*ASKEW, hung.format(1, "rod"))))

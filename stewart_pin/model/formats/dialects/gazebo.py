@@ -81,6 +81,7 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
         )
     if len(element) or not (joints or couplings):
         reader.ignore(element, "the file")
+    joints = [joint for joint in joints if not _on_left_out(reader, joint)]
     loops = [_read_joint(reader, joint) for joint in joints]
     in_model = {
         (joint.get("name"), tag)
@@ -108,6 +109,27 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
         )
 
     return Parts(later=placed if loops or couplings else None)
+
+
+def _on_left_out(reader: UrdfElements, joint: etree._Element) -> bool:
+    """Tell whether a joint hangs a ``<gazebo><model>`` on the robot: the model is left out, and so is the joint."""
+    models = {model.get("name") for model in reader.root.iterfind("gazebo/model")}
+    for end in ("parent", "child"):
+        name, inner, _ = (joint.findtext(end) or "").strip().partition("::")
+        if inner and name in models:
+            owner, told = (
+                f"joint '{joint.get('name')}' of <gazebo>",
+                f"hangs the <gazebo> model '{name}' on the robot: both left out",
+            )
+            if any(note.text == told for note in reader.notes):
+                raise reader.error(
+                    f"{owner} is the second that joins the <gazebo> model '{name}', which may close a loop; write the "
+                    "links and joints of the model as those of the URDF",
+                    owner,
+                )
+            reader.note(owner, told)
+            return True
+    return False
 
 
 def _floats(element: etree._Element) -> bool:
