@@ -13,6 +13,7 @@ from stewart_pin.model.description import JointKind
 
 pytest.importorskip("pydrake", reason="needs Drake: pip install 'stewart_pin[oracles]'")
 
+from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 
@@ -77,6 +78,22 @@ class Engine:
         forces = MultibodyForces(self.plant)
         self.plant.CalcForceElementsContribution(context, forces)
         return turn.T @ self.plant.CalcInverseDynamics(context, theirs_a, forces)
+
+    def outside(self, q: np.ndarray, wrenches: dict[str, np.ndarray]) -> np.ndarray:
+        """Return what wrenches at the origins of bodies do to every coordinate, by Drake, in our coordinates."""
+        context, rest = self.plant.CreateDefaultContext(), np.zeros(self.chain.nv)
+        theirs_q, _, _, turn = self.coordinates(q, rest, rest)
+        self.plant.SetPositions(context, theirs_q)
+        forces = MultibodyForces(self.plant)
+        for name, wrench in wrenches.items():
+            force = SpatialForce(tau=wrench[3:], f=wrench[:3])
+            frame = self.plant.GetBodyByName(name)
+            frame.AddInForceInWorld(context, force, forces)
+        needed = self.plant.CalcInverseDynamics(context, np.zeros(self.plant.num_velocities()), forces)
+        weight = self.plant.CalcInverseDynamics(
+            context, np.zeros(self.plant.num_velocities()), MultibodyForces(self.plant)
+        )
+        return turn.T @ (weight - needed)
 
     def inertia_and_bias(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return mass matrix and bias, gravity included, in our coordinates."""

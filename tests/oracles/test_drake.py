@@ -65,3 +65,18 @@ def test_motor_efforts(engine: Engine, closed_states, project) -> None:
         theirs = project(needed, stp.loop_jacobian(chain, state.q), chain.motor_index)
         # Law 9.
         assert np.abs(theirs - ours.tau_motor).max() <= 1e-9 * np.abs(ours.tau_motor).max()
+
+
+def test_motor_efforts_under_wrenches(
+    engine: Engine, closed_states, project, rng: np.random.Generator
+) -> None:
+    """Forces on every body of Drake's, links without mass among them, at its origin."""
+    chain = engine.chain
+    unit = 9.81 * sum(body.mass for body in chain.model.inertias) * np.repeat([1.0, chain.length_scale], 3)
+    for state in closed_states(chain, 3):
+        wrenches = {link.name: unit * rng.normal(size=6) for link in chain.mechanism.links}
+        ours = stp.inverse_dynamics(chain, state.q, state.v, state.a, wrenches=wrenches)
+        needed = engine.tree_efforts(state.q, state.v, ours.a) - engine.outside(state.q, wrenches)
+        theirs = project(needed, stp.loop_jacobian(chain, state.q), chain.motor_index)
+        # Law 9.
+        assert np.abs(theirs - ours.tau_motor).max() <= 1e-9 * np.abs(ours.tau_motor).max()

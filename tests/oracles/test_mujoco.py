@@ -189,6 +189,36 @@ def test_motor_efforts(chain: stp.ClosedChain, closed_states, project, tmp_path:
         assert np.abs(theirs - ours.tau_motor).max() <= 1e-9 * np.abs(ours.tau_motor).max()
 
 
+def test_motor_efforts_under_wrenches(
+    chain: stp.ClosedChain, closed_states, project, rng: np.random.Generator, tmp_path: Path
+) -> None:
+    """MuJoCo's ``xfrc_applied``, which acts at the centre of mass of a body, in world axes."""
+    engine = compiled(chain, tmp_path)
+    model, data = engine.model, engine.data
+    motors = model.jnt_dofadr[model.actuator_trnid[:, 0]]
+    bodies = {model.body(k).name for k in range(model.nbody)}
+    # Of a link that is fixed to another MuJoCo makes one body with it, whose frame is the other's.
+    links = [link.name for link in chain.mechanism.links if link.inertia is not None and link.name in bodies]
+    assert links
+    unit = 9.81 * sum(body.mass for body in chain.model.inertias) * np.repeat([1.0, chain.length_scale], 3)
+    for state in closed_states(chain, 3):
+        wrenches = {name: unit * rng.normal(size=6) for name in links}
+        ours = stp.inverse_dynamics(chain, state.q, state.v, state.a, wrenches=wrenches)
+        engine.set(state.q, state.v, ours.a)
+        needed = engine.tree_efforts()
+        data.xfrc_applied[:] = 0.0
+        mujoco.mj_forward(model, data)
+        free = data.qfrc_smooth.copy()
+        for name, wrench in wrenches.items():
+            body = data.body(name)
+            arm = body.xpos - body.xipos
+            data.xfrc_applied[model.body(name).id] = [*wrench[:3], *(wrench[3:] + np.cross(arm, wrench[:3]))]
+        mujoco.mj_forward(model, data)
+        theirs = project(needed - (data.qfrc_smooth - free), engine.loops()[1], motors)
+        # Law 9.
+        assert np.abs(theirs - ours.tau_motor).max() <= 1e-9 * np.abs(ours.tau_motor).max()
+
+
 KINDS = (
     JointKind.SPHERICAL,
     JointKind.FIXED,
