@@ -414,9 +414,9 @@ def test_wrong_wrenches_are_refused() -> None:
 
 
 @cache
-def spinning(inertia: pin.Inertia | None = None) -> stp.ClosedChain:
+def spinning(inertia: pin.Inertia | None = None, *, level: bool = False) -> stp.ClosedChain:
     """Build a crank and a rocker, a rod on balls between them, and a tip beside the axis about which it spins."""
-    tilt = pin.SE3(pin.exp3(np.array([0.6, 0.2, 0.0])), np.zeros(3))
+    tilt = pin.SE3(np.eye(3) if level else pin.exp3(np.array([0.6, 0.2, 0.0])), np.zeros(3))
     ends = {"crank": 0.3, "rod": 0.8, "rocker": 0.6}
     links = [Link("ground"), *(Link(name, rod(length)) for name, length in ends.items()), Link("tip")]
     if inertia is not None:
@@ -446,6 +446,12 @@ def test_points_that_spin_are_left_to_whole_states(rng: np.random.Generator) -> 
     wrenches = rng.normal(size=12)
     expected = stp.inverse_dynamics(state, wrenches=by_link(many, wrenches)).tau_motor
     close(many.inverse_dynamics(*motion, wrenches), expected, AGREE)
+
+
+def test_spins_do_not_matter_where_gravity_does_no_work() -> None:
+    chain = spinning(level=True)
+    assert compile_kernels(chain, coordinates="motor", engine="numpy").report.freedoms == 1
+    assert telling_wrenches(chain, ("rod",)) == ()
 
 
 @pytest.mark.parametrize("coordinates", ["platform", "motor", "tree"])

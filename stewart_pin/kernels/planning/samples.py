@@ -117,6 +117,8 @@ def at_samples(inputs: Sequence[ca.SX], samples: Sequence[FloatArray], matrix: c
 
 _SAME = 1e-6
 """Relative difference of efforts that closing the loops again leaves."""
+_ROUND_OFF = 1e-9
+"""The same of efforts that vanish, relative to what the joints carry."""
 _TURNS = (0.5, 0.1, 0.02)
 """How far idle freedoms are moved for the comparison, in robot sizes and radians: the first that can be closed."""
 
@@ -156,7 +158,9 @@ def require_idle_without_effect(chain: ClosedChain, q: Configuration) -> None:
         return inverse_dynamics(state).tau_motor
 
     efforts = [efforts_at(q), efforts_at(idle_moved(chain, q, direction))]
-    if np.abs(efforts[0] - efforts[1]).max() > _SAME * np.abs(efforts[0]).max():
+    # Where gravity does no work, efforts at rest are round-off of what the joints carry.
+    size = max(_SAME * np.abs(efforts[0]).max(), _ROUND_OFF * np.abs(here.weight).max())
+    if np.abs(efforts[0] - efforts[1]).max() > size:
         names = [
             n for n, x in zip(chain.tangent_names, np.abs(freedom.idle).max(axis=1), strict=True) if x > 1e-6
         ]
@@ -265,20 +269,21 @@ def telling_wrenches(chain: ClosedChain, wrenches: Sequence[str]) -> tuple[str, 
     direction = idle @ np.random.default_rng(0).uniform(0.5, 1.0, idle.shape[1])
     states = [chain.at(one, none, none) for one in (q, idle_moved(chain, q, direction))]
     bare = [inverse_dynamics(state).tau_motor for state in states]
+    moments = np.hstack([np.zeros((3, 3)), np.eye(3)])
     told = []
     for link in links:
-        for moment in np.hstack([np.zeros((3, 3)), np.eye(3)]):
-            try:
-                effects = [
-                    inverse_dynamics(state, wrenches={link: moment}).tau_motor - own
+        try:
+            effects = np.array(
+                [
+                    [inverse_dynamics(state, wrenches={link: moment}).tau_motor - own for moment in moments]
                     for state, own in zip(states, bare, strict=True)
                 ]
-                tells = np.abs(effects[0] - effects[1]).max() > _SAME * np.abs(effects[0]).max()
-            except SingularityError:  # without inertia there is no answer wherever it stands
-                tells = True
-            if tells:
-                told.append(link)
-                break
+            )
+        except SingularityError:  # without inertia there is no answer wherever it stands
+            told.append(link)
+            continue
+        if np.abs(effects[0] - effects[1]).max() > _SAME * np.abs(effects[0]).max():
+            told.append(link)
     return tuple(told)
 
 
