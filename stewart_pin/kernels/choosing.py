@@ -37,7 +37,9 @@ HANDFUL = 300
 """States below which the verbs of one state, at a few milliseconds each, are through before kernels are compiled."""
 
 
-def kernels_for(chain: ClosedChain, states: int, wanted: bool | None = None) -> Kernels | None:
+def kernels_for(
+    chain: ClosedChain, states: int, wanted: bool | None = None, wrenches: tuple[str, ...] = ()
+) -> Kernels | None:
     """Compile kernels in platform coordinates, if there are enough states and they can be had.
 
     Chains do not change, so the kernels of the last few are kept.
@@ -51,6 +53,8 @@ def kernels_for(chain: ClosedChain, states: int, wanted: bool | None = None) -> 
     wanted
         False: never; True: always, or the error that says why not; None: for more than a handful of states, and where
         CasADi is installed, the chain can be compiled and its poses tell its states.
+    wrenches
+        Links on which something acts from outside, as in `compile_kernels`.
 
     Returns
     -------
@@ -76,7 +80,7 @@ def kernels_for(chain: ClosedChain, states: int, wanted: bool | None = None) -> 
                 f"coupling '{counting.name}' counts whole turns, which a pose does not tell: a motion is followed "
                 "from state to state"
             )
-        return _compiled(chain)
+        return _compiled(chain, wrenches)
     except (MissingExtraError, UnsupportedError):
         if wanted:
             raise
@@ -197,8 +201,8 @@ def _tree_kernels(chain: ClosedChain) -> Kernels:
 
 
 @lru_cache(maxsize=8)
-def _compiled(chain: ClosedChain) -> Kernels:
-    return compile_kernels(chain)
+def _compiled(chain: ClosedChain, wrenches: tuple[str, ...]) -> Kernels:
+    return compile_kernels(chain, wrenches=wrenches)
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Literal
 
@@ -155,8 +155,8 @@ def motor_demand(
         Positions, rates and efforts, and by which method. Without kernels in closed form where one stands for the chain
         (`closed_forms`), and state by state for other chains; so too where the chain cannot be compiled, has a coupling
         that counts turns, such as a thread or a gear, where a motor turns by more than a quarter between two instants,
-        where kernels have no answer for a state, or under wrenches, of which the closed form takes those on the
-        platform.
+        or where kernels have no answer for a state. Of wrenches the closed form takes those on the platform, kernels
+        all but at points that spin idly.
 
     Raises
     ------
@@ -168,8 +168,6 @@ def motor_demand(
         If kernels are wanted and CasADi is not installed.
     InputError
         If samples or wrenches are none.
-    UnsupportedError
-        If kernels are wanted under wrenches.
     """
     as_chain(chain)
     if not isinstance(samples, PlatformSamples):
@@ -177,18 +175,19 @@ def motor_demand(
             f"samples must be PlatformSamples, as sinusoidal_motion gives, got {type(samples).__name__}"
         )
     outside = wrench_samples(chain, wrenches, samples.time)
-    if outside is not None:
-        if kernels:
-            raise UnsupportedError("kernels=True is for a motion without wrenches; leave kernels out")
-        return demand_by_formula(chain, samples, outside=outside)
-    compiled = demand_kernels(chain, len(samples), kernels)
+    compiled = demand_kernels(chain, len(samples), kernels, outside)
     if compiled is None:
-        return demand_by_formula(chain, samples)
-    found = demands_by_kernels(compiled, [samples])[0]
-    return found if isinstance(found, MotorDemand) else demand_by_formula(chain, samples, suspect=found)
+        return demand_by_formula(chain, samples, outside=outside)
+    pushed = () if outside is None else (outside.rows,)
+    found = demands_by_kernels(compiled, [samples], *pushed)[0]
+    if isinstance(found, MotorDemand):
+        return replace(found, wrenches=outside)
+    return demand_by_formula(chain, samples, suspect=found, outside=outside)
 
 
-def demand_kernels(chain: ClosedChain, states: float, wanted: bool | None) -> Kernels | None:
+def demand_kernels(
+    chain: ClosedChain, states: float, wanted: bool | None, outside: WrenchSamples | None = None
+) -> Kernels | None:
     """Compile kernels, if so many states are worth it.
 
     Parameters
@@ -199,21 +198,28 @@ def demand_kernels(chain: ClosedChain, states: float, wanted: bool | None) -> Ke
         Number of states.
     wanted
         True, False or None, as in `motor_demand`.
+    outside
+        Wrenches from outside, or None.
 
     Returns
     -------
     Kernels or None
         Kernels, or None where a demand is better computed without, or the chain has none that know its turns.
     """
-    closed_form = wanted is None and leg_form(chain, "leg_efforts") is not None
+    links = () if outside is None else outside.links
+    closed_form = (
+        wanted is None
+        and (outside is None or outside.acts_on_platform(chain))
+        and leg_form(chain, "leg_efforts") is not None
+    )
     try:
-        return kernels_for(chain, int(states) // (_CLOSED_FORM if closed_form else 1), wanted)
+        return kernels_for(chain, int(states) // (_CLOSED_FORM if closed_form else 1), wanted, links)
     except UnsupportedError:
         return None
 
 
 def demands_by_kernels(
-    kernels: Kernels, motions: Sequence[PlatformSamples]
+    kernels: Kernels, motions: Sequence[PlatformSamples], pushed: FloatArray | None = None
 ) -> list[MotorDemand | int | None]:
     """Compute the demands of several motions, all states at once.
 
@@ -223,6 +229,8 @@ def demands_by_kernels(
         Kernels of the chain, in platform coordinates.
     motions
         Motions of the platform.
+    pushed
+        (N, 6 k) wrenches at all their instants, for kernels that were compiled for some [N, N m].
 
     Returns
     -------
@@ -241,7 +249,8 @@ def demands_by_kernels(
         state = (pose[part], twist[part], acceleration[part])
         kernels.inverse_kinematics(pose[part], out=positions[part], status=codes[0, part])
         np.einsum("nij,nj->ni", kernels.motor_jacobian(pose[part]), twist[part], out=rates[part])
-        kernels.inverse_dynamics(*state, out=efforts[part], status=codes[1, part])
+        loads = () if pushed is None else (pushed[part],)
+        kernels.inverse_dynamics(*state, *loads, out=efforts[part], status=codes[1, part])
     answered = (codes == StateStatus.OK).all(axis=0)
     turning = [
         joint.kind is JointKind.REVOLUTE for joint in map(kernels.chain.mechanism.joint, kernels.chain.motors)

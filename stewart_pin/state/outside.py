@@ -114,6 +114,31 @@ class WrenchSamples:
         """
         return _outside(self.places, self.values[k])
 
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Links on which they act."""
+        return tuple(place.link for place in self.places)
+
+    @property
+    def rows(self) -> FloatArray:
+        """(N, 6 k) the wrenches of each instant in one row, as kernels take them [N, N m]."""
+        return self.values.reshape(len(self.values), -1)
+
+    def acts_on_platform(self, chain: ClosedChain) -> bool:
+        """Tell whether all act on the platform, or on the ground.
+
+        Parameters
+        ----------
+        chain
+            Closed chain with a platform.
+
+        Returns
+        -------
+        bool
+            False where one acts elsewhere.
+        """
+        return all(place.joint in (0, chain.platform_joint[0]) for place in self.places)
+
     def on_platform(self, chain: ClosedChain, rotation: FloatArray) -> FloatArray | None:
         """Gather them at the platform's origin, where all act on the platform or on the ground.
 
@@ -129,9 +154,9 @@ class WrenchSamples:
         numpy.ndarray or None
             (N, 6) their sum at the origin of the platform frame, world axes; None where one acts elsewhere [N, N m].
         """
-        carrier, frame = chain.platform_joint
-        if any(place.joint not in (0, carrier) for place in self.places):
+        if not self.acts_on_platform(chain):
             return None
+        frame = chain.platform_joint[1]
         total = np.zeros((len(self.values), 6))
         for k, place in enumerate(self.places):
             if place.joint:

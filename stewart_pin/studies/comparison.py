@@ -91,8 +91,8 @@ def compare_methods(
     samples
         The motion.
     wrenches
-        What acts from outside, as in `motor_demand`; kernels are no method then, and the closed forms where it acts on
-        the platform alone [N, N m].
+        What acts from outside, as in `motor_demand`; the closed forms are methods where it acts on the platform alone
+        [N, N m].
     kernels
         Whether compiled kernels are one of the methods, and give the contributions; None: for more than a handful of
         states, where CasADi is installed and the chain can be compiled.
@@ -111,6 +111,7 @@ def compare_methods(
             f"samples must be PlatformSamples, as sinusoidal_motion gives, got {type(samples).__name__}"
         )
     outside = wrench_samples(chain, wrenches, samples.time)
+    links, rows = ((), ()) if outside is None else (outside.links, (outside.rows,))
     say = progress or (lambda stage, done, total: None)
     states: list[State] = []
     q = chain.q_home
@@ -142,11 +143,8 @@ def compare_methods(
     followed = np.array([state.q[chain.motor_q_index] for state in states]).reshape(len(states), chain.nu)
 
     def array_forces(variant: ClosedChain) -> FloatArray | None:
-        if outside is not None:
-            notes.append("no kernels: wrenches act from outside")
-            return None
         try:
-            compiled = kernels_for(variant, len(samples), kernels)
+            compiled = kernels_for(variant, len(samples), kernels, links)
         except UnsupportedError as error:
             notes.append(f"no kernels: {error}")
             return None
@@ -154,7 +152,7 @@ def compare_methods(
             return None
         codes = np.zeros((2, len(samples)), dtype=np.int8)
         own = compiled.inverse_kinematics(pose, status=codes[0])
-        forces = compiled.inverse_dynamics(pose, samples.twist, samples.acceleration, status=codes[1])
+        forces = compiled.inverse_dynamics(pose, samples.twist, samples.acceleration, *rows, status=codes[1])
         refused = (codes != StateStatus.OK).any(axis=0)
         if refused.any():
             first = int(np.argmax(refused))

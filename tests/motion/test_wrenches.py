@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.errors import InputError, UnsupportedError
+from stewart_pin.errors import InputError
 from stewart_pin.state.outside import as_wrenches, outside_power
 from tests.closed_states import close, random_configuration, random_motion, robot
 from tests.retelling.case import case
@@ -81,6 +81,25 @@ def test_what_acts_elsewhere_is_computed_state_by_state(name: str, rng: np.rando
         q = state.q
 
 
+@pytest.mark.parametrize("name", ["five_bar", "four_bar"])
+def test_kernels_carry_them_in_a_demand(name: str, rng: np.random.Generator) -> None:
+    pytest.importorskip("casadi")
+    chain, samples = robot(name), case(name).motion(0.5, tuple(np.linspace(0, 1, 5)))
+    body = [link.name for link in chain.mechanism.links if link.inertia is not None][-1]
+    wrenches = {
+        chain.platform: rng.normal(size=(5, 6)),
+        body: rng.normal(size=6),
+        chain.mechanism.root: np.ones(6),
+    }
+    demand = stp.motor_demand(chain, samples, wrenches=wrenches, kernels=True)
+    assert demand.method == "kernels"
+    assert demand.wrenches.links == tuple(wrenches)
+    close(demand.efforts, stp.motor_demand(chain, samples, wrenches=wrenches, kernels=False).efforts, 1e-10)
+    found = stp.compare_methods(chain, samples, wrenches=wrenches, kernels=True)
+    assert "kernels" in found.forces
+    assert found.agreement["agreement"] <= 1e-9
+
+
 def test_a_demand_refuses_what_it_cannot_carry() -> None:
     chain, samples = robot("stewart"), swaying()
     with pytest.raises(InputError, match=r"must have shape \(6,\) or \(7, 6\), got \(3, 6\)"):
@@ -89,8 +108,6 @@ def test_a_demand_refuses_what_it_cannot_carry() -> None:
         stp.motor_demand(chain, samples, wrenches=lambda t: {"platfrom": np.zeros(6)})
     with pytest.raises(InputError, match="must return"):
         stp.motor_demand(chain, samples, wrenches=lambda t: np.zeros(6))
-    with pytest.raises(UnsupportedError, match="without wrenches"):
-        stp.motor_demand(chain, samples, wrenches={"platform": np.zeros(6)}, kernels=True)
     assert stp.motor_demand(chain, samples, wrenches={}).wrenches is None
 
 
