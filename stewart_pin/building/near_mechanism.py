@@ -24,8 +24,6 @@ _STEPS = 40
 """Gauss-Newton steps between two times."""
 _LEAST = 1e4
 """Factor of damping from which on a step is nothing."""
-_REACH = 2.0
-"""Moves, as a share of what digits explain, beyond which nothing is tried: half of them would be refused at the end."""
 _HALVINGS = 40
 """Halvings of the logarithm of a damping that is looked for."""
 _FLOOR = 1e-10
@@ -183,7 +181,7 @@ def closed_everywhere(
     places
         Where joints and loops may be moved.
     forgiven
-        Largest norm of all moves together, in robot sizes and radians; up to twice of it is tried.
+        Largest norm of all moves together, in robot sizes and radians.
     ease
         (6 n,) how easily each place moves along and about its own axes, dimensionless.
 
@@ -211,7 +209,8 @@ def closed_everywhere(
             + noise * np.sqrt(equations.right.size) / forgiven
         )
         moves = ease * equations.moves(damping)
-        if np.linalg.norm(gone + moves) > _REACH * forgiven:
+        if np.linalg.norm(gone + moves) > forgiven:
+            # A mechanism so far away is none that the digits meant, even if one is there; a nearer one may be.
             extra *= 10.0
             continue
         trial = _moved(chain, places, moves)

@@ -218,6 +218,18 @@ def test_the_middle_between_two_families_is_left(seed: int, style: str, tmp_path
     assert stp.load(path).generic.count == exact.generic.count
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "format"), [(6, "urdf+"), (5, "isaac"), (6, "isaac")])
+def test_a_mechanism_too_far_away_hides_no_nearer_one(seed: int, format: str, tmp_path: Path) -> None:
+    # Steps that are let go farther than the digits explain end at another plate of hinged parts, which is refused.
+    exact = turned_frames(zoo_chain("par4"), seed=seed)
+    exact = stp.build.loops_by_balls(exact) if format == "isaac" else exact
+    path = tmp_path / "printed.urdf"
+    stp.export(exact, path, format=format)  # type: ignore[arg-type]
+    round_places(path, "4f")
+    assert stp.load(path, gravity=exact.gravity).generic.count == exact.generic.count
+
+
 CRANK = '<origin xyz="0 0 0" rpy="{} 0 0"/>'
 BALL = (
     '<loop name="end" type="spherical"><predecessor link="coupler"><origin xyz="0.3 0.1 0"/></predecessor>'
