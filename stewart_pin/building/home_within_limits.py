@@ -77,7 +77,7 @@ def search_within_limits(
         (nq,) configuration [m, rad, unit quaternions].
     leeway
         (nv,) how far each tangent entry may move from there; infinite where it is to be searched for, in robot sizes
-        and radians.
+        and radians [dimensionless].
     precision
         Gap that may be left, in robot sizes and radians; 0 closes to the last bit.
 
@@ -149,8 +149,8 @@ def bounded(
     guess
         (nq,) configuration to start from [m, rad, unit quaternions].
     leeway
-        (nv,) how far each tangent entry may move from there, infinite: anywhere within its limits, in robot sizes and
-        radians.
+        (nv,) how far each tangent entry may move from there, in robot sizes and radians; infinite:
+        anywhere within its limits [dimensionless].
     precision
         Gap that is left as it is, in robot sizes and radians.
     cones
@@ -300,7 +300,8 @@ def beyond_cones(chain: ClosedChain, q: Configuration, inset: float = -HOME_IN_F
     Returns
     -------
     numpy.ndarray
-        (k,) excess of each, below zero at its lower end, in robot sizes and radians; 0 for what is within.
+        (k,) excess of each, below zero at its lower end, in robot sizes and radians; 0 for what is within
+        [dimensionless].
     """
     rows = _cones(chain)
     if not rows.size:
@@ -351,7 +352,7 @@ def moved_beyond(chain: ClosedChain, guess: Configuration, q: Configuration, lee
     guess, q
         (nq,) configurations before and after [m, rad, unit quaternions].
     leeway
-        (nv,) in robot sizes and radians.
+        (nv,) how far each may move, in robot sizes and radians [dimensionless].
 
     Returns
     -------
