@@ -229,3 +229,37 @@ def test_guesses_must_be_as_many_as_motor_positions(rng: np.random.Generator) ->
     q_motor = many.inverse_kinematics(sample_states(rng, 3)[0])
     with pytest.raises(stp.errors.InputError, match="2 guesses for 3"):
         many.forward_kinematics(q_motor, np.tile(yawed(0.0), (2, 1)))
+
+
+@pytest.mark.parametrize("coordinates", ["platform", "motor", "tree"])
+@pytest.mark.parametrize("poor", [1e-2, 1e9])
+def test_one_position_serves_many_motions(
+    coordinates: Any, poor: float, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    monkeypatch.setattr(
+        "stewart_pin.kernels.verbs.configurations.POOR", poor
+    )  # 1e9: every state is looked at again
+    chain = robot("four_bar")
+    many = compile_kernels(chain, coordinates=coordinates, engine="numpy")
+    motor = stp.motor_positions(chain, chain.q_home) + 0.1
+    q = stp.forward_kinematics(chain, motor, limits=False).q
+    position = {"platform": pin.SE3ToXYZQUAT(stp.platform_pose(chain, q)), "motor": motor, "tree": q}[
+        coordinates
+    ]
+    size = {"platform": 6, "motor": chain.nu, "tree": chain.nv}[coordinates]
+    share = rng.normal(size=(3, 1))
+    motions = chain.at(q).freedom.motions[:, 0]
+    way = {"platform": chain.at(q).P @ motions, "motor": motions[chain.motor_index], "tree": motions}[
+        coordinates
+    ]
+    twist, rest = share * way, np.zeros((3, size))
+    efforts = np.zeros((3, chain.nu))
+    expected = many.forward_dynamics(np.tile(position, (3, 1)), twist, efforts)
+    assert np.isfinite(expected).all()
+    for one in (position, position[None]):
+        status, conditioning = np.full(3, 7, dtype=np.int8), np.zeros(3)
+        found = many.forward_dynamics(one, twist, efforts, status=status, conditioning=conditioning)
+        np.testing.assert_array_equal(found, expected)
+        assert not status.any()
+        np.testing.assert_array_equal(many.forward_dynamics(one, twist, efforts), expected)
+    assert many.inverse_dynamics(position[None], twist[:0], rest[:0]).shape == (0, chain.nu)

@@ -269,7 +269,7 @@ class Caller:
     def _call(self, name: str, inputs: tuple[ArrayLike, ...], places: Places) -> Any:
         kernel = self._kernel(name, graded=places.conditioning is not None, wary=self._wary(name))
         if self._takes_state(kernel):
-            count = next((len(np.asarray(x)) for x in inputs if np.ndim(x) > 1), None)
+            count = count_states(inputs)
             out = self._room(kernel, places, 1 if count is None else count, single=count is None)
             codes = places.status
             if codes is None and self._wary(name):
@@ -285,9 +285,10 @@ class Caller:
     ) -> Any:
         states, single = self._states(inputs[0])
         solved = self._configurations(states, places.threads, kernel.program.inputs[0].name)
-        many = [len(np.asarray(x)) for x in inputs[1:] if np.ndim(x) > 1]
-        if single and many:  # one position, several motions of it
-            solved, single = solved.with_rows_of(np.zeros(many[0], dtype=int)), False
+        many = count_states(inputs[1:])
+        if many is not None and len(solved.states) == 1:  # one position, several motions of it
+            solved, single = solved.with_rows_of(np.zeros(many, dtype=int)), False
+            states = np.repeat(states, many, axis=0)
         count = len(solved.states)
         codes = np.zeros(count, dtype=np.int8)
         out = self._room(kernel, places, count, single=single)
@@ -366,7 +367,8 @@ class Caller:
         if not len(rows):
             return
         taken = [_rows_of(x, rows) for x in inputs]
-        taken[0] = np.atleast_2d(taken[0])
+        first = np.atleast_2d(taken[0])
+        taken[0] = np.repeat(first, len(rows), axis=0) if len(first) == 1 else first
         aims = None if targets is None else targets[rows]
         best, best_codes, known = self._best(name, taken, aims, None, 0, places.threads)
         while True:
@@ -544,6 +546,23 @@ class Caller:
         return compile_function(
             function, bounds=bounds, dtype=self._dtype, engine=self._engine, matrices=derivatives
         )
+
+
+def count_states(inputs: Sequence[ArrayLike]) -> int | None:
+    """Count the states that arrays hold; where they differ, kernels say so.
+
+    Parameters
+    ----------
+    inputs
+        (N, size), (1, size) or (size,) each [any unit].
+
+    Returns
+    -------
+    int or None
+        N; None where all are of one state without an axis.
+    """
+    lengths = {len(np.asarray(x)) for x in inputs if np.ndim(x) > 1}
+    return max(lengths - {1}, default=1) if lengths else None
 
 
 def _rows_of(value: ArrayLike, rows: np.ndarray) -> np.ndarray:

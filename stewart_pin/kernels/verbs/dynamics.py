@@ -13,7 +13,7 @@ import numpy as np
 
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.kernels.verbs.calling import Caller, Places
+from stewart_pin.kernels.verbs.calling import Caller, Places, count_states
 from stewart_pin.programs.arrays import require_apart, require_out
 from stewart_pin.state.geometry_parameters import GeometryParameter, geometry_parameters
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -478,7 +478,7 @@ class GeometryVerbs(Caller):
         self, name: str, inputs: tuple[ArrayLike, ...], along: FloatArray, places: Places
     ) -> FloatArray:
         """Combine displacements, block by block: all parameters of all states would take too much room."""
-        count = next((len(np.asarray(x)) for x in inputs if np.ndim(x) > 1), None)
+        count = count_states(inputs)
         rows = self.casadi(name).size1_out(0)
         shape = (rows, along.shape[1]) if count is None else (count, rows, along.shape[1])
         out: Any = places.out
@@ -500,6 +500,6 @@ class GeometryVerbs(Caller):
             part = slice(start, start + _BLOCK)
             status, conditioning = (x if x is None else x[part] for x in (places.status, places.conditioning))
             block = Places(None, status, conditioning, places.threads)
-            found = self._call(name, tuple(x[part] if x.ndim > 1 else x for x in given), block)
+            found = self._call(name, tuple(x[part] if x.ndim > 1 and len(x) > 1 else x for x in given), block)
             np.matmul(found, along, out=out[part])
         return out
