@@ -41,6 +41,13 @@ def answers(chain: stp.ClosedChain, share: float, rng: np.random.Generator) -> d
     found["forward"] = stp.forward_dynamics(chain, q, v, share * tau).a
     found["articulated bodies"] = stp.dynamics.closed_chain_articulated_body(chain, q, v, share * tau).a
     found["inertia of the platform's coordinates"] = stp.operational_dynamics(chain, q, v).M / share
+    push = {chain.platform: share * np.arange(1.0, 7.0)}
+    for method in ("pinocchio", "constraint_matrix"):
+        effort = stp.inverse_dynamics(chain, q, v, a, wrenches=push, method=method)
+        found[f"pushed, {method}"] = effort.tau_motor / share
+    found["pushed forward"] = stp.forward_dynamics(chain, q, v, share * tau, wrenches=push).a
+    parts = stp.joint_reactions(chain.at(q, v, a), wrenches=push)
+    found["pushed joints"] = np.array([part.force for part in parts if part.unique]) / share
     state, pose = chain.at(q, v), stp.platform_pose(chain, q)
     twist, acceleration = state.P @ v, state.P @ a + state.platform_bias
     given = {

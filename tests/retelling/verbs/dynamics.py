@@ -63,8 +63,11 @@ def wrenches(t: Telling, c: Case) -> Answers:
     bodies = stp.dynamics.closed_chain_articulated_body(t.chain, q, v, tau, wrenches=outside)
     answers |= moves(t, q, v, bodies.a, ", articulated bodies")
     parts = stp.joint_reactions(t.chain.at(q, v, a), wrenches=outside)
-    largest = max(float(np.linalg.norm(part.force)) for part in parts if part.name in t.plain.motors)
-    return answers | ({"largest force on a motor": largest} if t.joint_by_joint else {})
+    if t.joint_by_joint:
+        # Those that no choice among redundant rows loads.
+        own = [part for part in parts if part.name in t.plain.motors and part.unique]
+        answers |= {f"force on {part.name}": Sized(np.linalg.norm(part.force), c.effort) for part in own}
+    return answers
 
 
 @asks("inverse_dynamics_derivatives", "forward_dynamics_derivatives")
