@@ -14,6 +14,7 @@ EXCEPTIONS = {
     "loops.constraint_models": "Pinocchio's own models of the loops, which forward dynamics is asked through",
     "build.displace_geometry": "displaces along the axes of links, which a telling turns",
     "build.geometry_parameters": "names the axes of links, which a telling turns",
+    "view": "a page in the browser",
     "viz.build_scene": "a picture",
     "viz.plot_chain": "a picture",
     "viz.plot_scene": "a picture",
