@@ -52,7 +52,7 @@ def test_first_call_of_a_kernel() -> None:
     kernels = stp.compile_kernels(stp.load("stewart", gravity=(0.0, 0.0, -9.8125)))
     pose, rest = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]]), np.zeros((1, 6))
     touched = files_touched(lambda: kernels.inverse_dynamics(pose, rest, rest))
-    assert len(touched) <= 24, sorted(touched)
+    assert len(touched) <= 25, sorted(touched)
 
 
 def test_loading() -> None:

@@ -9,23 +9,14 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.building.body_graph import Part, part_of
-from stewart_pin.building.home_within_limits import (
-    Stuck,
-    beyond_cones,
-    bounded,
-    guesses,
-    in_configuration,
-    moved_beyond,
-    outside,
-    search_within_limits,
-)
+from stewart_pin.building.home_within_limits import Stuck, bounded, guesses, search_within_limits
 from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import JointKind, Note, Outcome
 from stewart_pin.model.loop_table import independent_groups
 from stewart_pin.model.tree import build_tree
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import clipped
-from stewart_pin.state.limits import Excess
+from stewart_pin.state.limits import Excess, beyond_cones, in_configuration, moved_beyond, outside
 from stewart_pin.state.newton import Closure, close_at_precision, polish
 from stewart_pin.tolerances import HOME_IN_FILE
 from stewart_pin.typing import Configuration, FloatArray

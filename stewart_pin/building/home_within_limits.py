@@ -14,10 +14,10 @@ import pinocchio as pin
 
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import clipped, random_configuration, unwound
-from stewart_pin.state.limits import Excess
+from stewart_pin.state.limits import beyond_cones, cone_rows, in_configuration, moved_beyond, outside
 from stewart_pin.state.newton import displaced, polish
 from stewart_pin.state.state import State
-from stewart_pin.tolerances import HOME_IN_FILE, NOTHING
+from stewart_pin.tolerances import NOTHING
 from stewart_pin.typing import BoolArray, Configuration, FloatArray
 
 _ATTEMPTS = 16
@@ -279,106 +279,11 @@ class _Room:
         return np.minimum(lower, -1e-12), np.maximum(upper, 1e-12)
 
 
-def _cones(chain: ClosedChain) -> np.ndarray:
-    """Rows of the limits of what has no coordinate of its own: cones of balls, joints that close loops."""
-    stated = chain.limits.stated("position")
-    return stated[stated >= chain.nv]
-
-
-def beyond_cones(chain: ClosedChain, q: Configuration, inset: float = -HOME_IN_FILE) -> FloatArray:
-    """Tell how far limits of balls and of joints that close loops are passed.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration [m, rad, unit quaternions].
-    inset
-        How far within them counts as passed, in robot sizes and radians.
-
-    Returns
-    -------
-    numpy.ndarray
-        (k,) excess of each, below zero at its lower end, in robot sizes and radians; 0 for what is within
-        [dimensionless].
-    """
-    rows = _cones(chain)
-    if not rows.size:
-        return np.zeros(0)
-    [asked] = chain.judge.asked(q[None], leave=np.arange(chain.nv))
-    sizes = chain.judge.sizes(rows)
-    values = asked.values[0] / sizes
-    lower, upper = chain.limits.bounds("position", rows).T / sizes
-    inset = np.minimum(inset, (upper - lower) / 4)
-    return values - np.clip(values, lower + inset, upper - inset)
-
-
 def _cone_rates(chain: ClosedChain, q: Configuration, passed: BoolArray) -> FloatArray:
     """(k, nv) derivative of what is passed, in natural units; 0 for what is within."""
-    rows = _cones(chain)
+    rows = cone_rows(chain)
     found = np.zeros((rows.size, chain.nv))
     if passed.any():
         rates = chain.judge.rates(q, np.diag(chain.tangent_scale), rows[passed])
         found[passed] = rates / chain.judge.sizes(rows[passed])[:, None]
     return found
-
-
-def in_configuration(chain: ClosedChain, entries: BoolArray) -> BoolArray:
-    """Carry a mark per tangent entry over to the configuration.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    entries
-        (nv,) marks, the same for all entries of a joint.
-
-    Returns
-    -------
-    numpy.ndarray
-        (nq,) marks.
-    """
-    return np.concatenate([np.full(joint.nq, entries[joint.idx_v]) for joint in chain.model.joints[1:]])
-
-
-def moved_beyond(chain: ClosedChain, guess: Configuration, q: Configuration, leeway: FloatArray) -> str:
-    """Say which joint was moved most beyond its leeway.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    guess, q
-        (nq,) configurations before and after [m, rad, unit quaternions].
-    leeway
-        (nv,) how far each may move, in robot sizes and radians [dimensionless].
-
-    Returns
-    -------
-    str
-        In words; empty where none was.
-    """
-    moved = np.abs(pin.difference(chain.model, guess, q) / chain.tangent_scale)
-    worst = int(np.argmax(np.where(moved > leeway, moved, 0.0)))
-    if not moved[worst] > leeway[worst]:
-        return ""
-    return f"closing them moves joint '{chain.tangent_names[worst]}' by {moved[worst]:.3g} robot sizes or radians"
-
-
-def outside(chain: ClosedChain, q: Configuration) -> tuple[Excess, ...]:
-    """List joints of the tree beyond their ranges; a home with few digits may be so by what it lacks.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-    q
-        (nq,) configuration [m, rad, unit quaternions].
-
-    Returns
-    -------
-    tuple of Excess
-        In the order of the limits.
-    """
-    return chain.judge.positions(q, slack=HOME_IN_FILE, entries=np.arange(chain.nv))

@@ -95,7 +95,7 @@ def inverse_dynamics(
     array([49.99, 49.99, 49.99, 49.99, 49.99, 49.99])
     >>> heavier = {"platform": [0, 0, -100, 0, 0, 0]}  # pressed upon with 100 N
     >>> stp.inverse_dynamics(chain, chain.q_home, rest, rest, wrenches=heavier).tau_motor.round(2)
-    array([67.39, 67.39, 67.39, 67.39, 67.39, 67.39])
+    array([67.53, 67.53, 67.53, 67.53, 67.53, 67.53])
     """
     state = as_state(chain, q, v, a)
     a = state.require_accelerating()
@@ -144,7 +144,7 @@ def motor_efforts(state: State, a: Tangent, outside: OutsideWrenches | None = No
 def _by_drive(state: State, drive: Drive, a: Tangent, outside: OutsideWrenches | None) -> Effort:
     """Solve [J_c; S]ᵀ [λ; τ] = M a + nle - Σ J_fᵀ w_f, regular and square."""
     chain, scale = state.chain, state.chain.tangent_scale
-    needed = needed_efforts(state, a, outside) * scale
+    needed = (state.tree_efforts(a) if outside is None else needed_efforts(state, a, outside)) * scale
     reactions, motors = drive.carry(needed)
     left = needed - reactions @ state.rows
     left[chain.motor_index] -= motors

@@ -14,8 +14,8 @@ from stewart_pin.brief import Brief
 from stewart_pin.model.tree import LimitKind, Limits
 from stewart_pin.state.joint_coordinates import JointCoordinates
 from stewart_pin.state.scratch import PlacedJoints
-from stewart_pin.tolerances import AT_LIMIT
-from stewart_pin.typing import Configuration, FloatArray, Tangent
+from stewart_pin.tolerances import AT_LIMIT, HOME_IN_FILE
+from stewart_pin.typing import BoolArray, Configuration, FloatArray, Tangent
 
 if TYPE_CHECKING:
     from stewart_pin.state.chain import ClosedChain
@@ -375,3 +375,114 @@ def _above(values: FloatArray, ends: FloatArray) -> FloatArray:
 def _middle(limits: Limits, rows: np.ndarray) -> FloatArray:
     lower, upper = limits.position[rows].T
     return np.where(np.isnan(lower + upper), 0.0, (lower + upper) / 2)
+
+
+# ----------------------------------------------------------------------------------------------------
+# How far a configuration is beyond what it may be: of ranges, of cones, of a way from a guess
+# ----------------------------------------------------------------------------------------------------
+
+
+def cone_rows(chain: ClosedChain) -> np.ndarray:
+    """Find the rows of the limits of what has no coordinate of its own: cones of balls, joints that close loops.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    numpy.ndarray
+        (k,) of those that are stated [index].
+    """
+    stated = chain.limits.stated("position")
+    return stated[stated >= chain.nv]
+
+
+def beyond_cones(chain: ClosedChain, q: Configuration, inset: float = -HOME_IN_FILE) -> FloatArray:
+    """Tell how far limits of balls and of joints that close loops are passed.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+    inset
+        How far within them counts as passed, in robot sizes and radians.
+
+    Returns
+    -------
+    numpy.ndarray
+        (k,) excess of each, below zero at its lower end, in robot sizes and radians; 0 for what is within
+        [dimensionless].
+    """
+    rows = cone_rows(chain)
+    if not rows.size:
+        return np.zeros(0)
+    [asked] = chain.judge.asked(q[None], leave=np.arange(chain.nv))
+    sizes = chain.judge.sizes(rows)
+    values = asked.values[0] / sizes
+    lower, upper = chain.limits.bounds("position", rows).T / sizes
+    inset = np.minimum(inset, (upper - lower) / 4)
+    return values - np.clip(values, lower + inset, upper - inset)
+
+
+def in_configuration(chain: ClosedChain, entries: BoolArray) -> BoolArray:
+    """Carry a mark per tangent entry over to the configuration.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    entries
+        (nv,) marks, the same for all entries of a joint.
+
+    Returns
+    -------
+    numpy.ndarray
+        (nq,) marks.
+    """
+    return np.concatenate([np.full(joint.nq, entries[joint.idx_v]) for joint in chain.model.joints[1:]])
+
+
+def moved_beyond(chain: ClosedChain, guess: Configuration, q: Configuration, leeway: FloatArray) -> str:
+    """Say which joint was moved most beyond its leeway.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    guess, q
+        (nq,) configurations before and after [m, rad, unit quaternions].
+    leeway
+        (nv,) how far each may move, in robot sizes and radians [dimensionless].
+
+    Returns
+    -------
+    str
+        In words; empty where none was.
+    """
+    moved = np.abs(pin.difference(chain.model, guess, q) / chain.tangent_scale)
+    worst = int(np.argmax(np.where(moved > leeway, moved, 0.0)))
+    if not moved[worst] > leeway[worst]:
+        return ""
+    return f"closing them moves joint '{chain.tangent_names[worst]}' by {moved[worst]:.3g} robot sizes or radians"
+
+
+def outside(chain: ClosedChain, q: Configuration) -> tuple[Excess, ...]:
+    """List joints of the tree beyond their ranges; a home with few digits may be so by what it lacks.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+
+    Returns
+    -------
+    tuple of Excess
+        In the order of the limits.
+    """
+    return chain.judge.positions(q, slack=HOME_IN_FILE, entries=np.arange(chain.nv))

@@ -187,10 +187,10 @@ PLACES = (
     Place(
         "kernels.graph.loop_rows", "follower", "slope of a coupling", after(lambda x: 1.5 * x), "gear_train"
     ),
-    Place("kernels.graph.joint_motion", "joint_velocity", "axis of a slide", joint_of(other_axis)),
-    Place("kernels.graph.joint_motion", "joint_placement", "axis of a slide", joint_of(other_axis)),
-    Place("kernels.graph.joint_motion", "joint_effort", "axis of a slide", joint_of(other_axis)),
-    Place("kernels.graph.joint_motion", "moments_of", "sign", after(lambda m: -m)),
+    Place("kernels.graph.bodies", "joint_velocity", "axis of a slide", joint_of(other_axis)),
+    Place("kernels.graph.bodies", "joint_placement", "axis of a slide", joint_of(other_axis)),
+    Place("kernels.graph.bodies", "joint_effort", "axis of a slide", joint_of(other_axis)),
+    Place("kernels.graph.bodies", "moments_of", "sign", after(lambda m: -m)),
     Place("kernels.planning.tree", "masses_of", "sign of the lever", after(less_inertia)),
     # maximal coordinates
     Place(

@@ -107,8 +107,7 @@ def test_of_coordinates() -> None:
 
 def test_of_kernels() -> None:
     ca = pytest.importorskip("casadi")
-    from stewart_pin.kernels.graph.body_wrenches import joint_effort
-    from stewart_pin.kernels.graph.joint_motion import joint_placement, joint_velocity
+    from stewart_pin.kernels.graph.bodies import joint_effort, joint_placement, joint_velocity
 
     joint: Any = SimpleNamespace(name="thread", kind=HELIX, axis=np.eye(3)[2])
     asked = (

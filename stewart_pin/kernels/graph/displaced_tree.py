@@ -10,7 +10,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from stewart_pin.kernels.graph.joint_motion import joint_placement, placements
+from stewart_pin.kernels.graph.bodies import joint_placement, placements
 from stewart_pin.kernels.graph.loop_rows import loop_columns
 from stewart_pin.kernels.graph.whole_tree import ClosedTree
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant, skew

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.graph.joint_motion import turned_by_small
+from stewart_pin.kernels.graph.bodies import turned_by_small
 from stewart_pin.kernels.graph.loop_rows import loop_gaps, opposed_axes
 from stewart_pin.kernels.graph.newton_steps import Approach, NewtonEquations, any_direction
 from stewart_pin.kernels.graph.platform_kinematics import platform_bias, platform_columns, platform_placement

@@ -11,15 +11,17 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.graph.body_wrenches import (
+from stewart_pin.kernels.graph.bodies import (
+    Motions,
+    RootMotion,
     Wrench,
     carry_down,
     efforts_of_wrenches,
     inertial_wrenches,
     less,
+    motions,
     outside_wrenches,
 )
-from stewart_pin.kernels.graph.joint_motion import Motions, RootMotion, motions
 from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, far_point, idle_momenta
 from stewart_pin.kernels.planning.elimination import solve_symmetric
 from stewart_pin.kernels.planning.spatial import constant, skew

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.graph.joint_motion import JointPlacement
+from stewart_pin.kernels.graph.bodies import JointPlacement
 from stewart_pin.kernels.planning.plan import Leg, LegEnd
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant, skew, turn_about
 from stewart_pin.kernels.planning.tree import TreeJoint

@@ -16,14 +16,17 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from stewart_pin.kernels.graph.body_wrenches import (
+from stewart_pin.kernels.graph.bodies import (
+    Placements,
     Wrench,
+    at_rest,
     carry_down,
     efforts_of_wrenches,
     inertial_wrenches,
+    motions,
+    placements,
     to_body,
 )
-from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, motions, placements
 from stewart_pin.kernels.graph.leg_positions import LegPositions, leg_positions
 from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_symmetric
 from stewart_pin.kernels.planning.plan import Leg, LegEnd

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import casadi as ca
 from numpy.polynomial.polynomial import polyder
 
-from stewart_pin.kernels.graph.body_wrenches import Wrench, efforts_of_wrenches, moments_of
-from stewart_pin.kernels.graph.joint_motion import Motions, Placements
+from stewart_pin.kernels.graph.bodies import Motions, Placements, Wrench, efforts_of_wrenches, moments_of
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant
 from stewart_pin.kernels.planning.tree import CouplingRow, LoopEnds, Tree
 from stewart_pin.model.description import JointKind

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import SingularityError
-from stewart_pin.kernels.graph.body_wrenches import outside_input
+from stewart_pin.kernels.graph.bodies import outside_input
 from stewart_pin.kernels.graph.leg_forces import LegForces, leg_forces, leg_inertia
 from stewart_pin.kernels.graph.legs import (
     PlacedLeg,

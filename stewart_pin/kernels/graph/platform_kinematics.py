@@ -13,8 +13,13 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.graph.body_wrenches import efforts_of_wrenches, moments_of
-from stewart_pin.kernels.graph.joint_motion import at_rest, motions, turned_by_small
+from stewart_pin.kernels.graph.bodies import (
+    at_rest,
+    efforts_of_wrenches,
+    moments_of,
+    motions,
+    turned_by_small,
+)
 from stewart_pin.kernels.graph.legs import PlacedLeg
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations, any_direction
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns

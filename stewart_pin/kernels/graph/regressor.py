@@ -11,9 +11,8 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.graph.body_wrenches import Wrench, carry_down, efforts_of_wrenches
+from stewart_pin.kernels.graph.bodies import Wrench, at_rest, carry_down, efforts_of_wrenches, motions
 from stewart_pin.kernels.graph.driven_tree import DrivenTree, driven_motion
-from stewart_pin.kernels.graph.joint_motion import at_rest, motions
 from stewart_pin.kernels.graph.leg_forces import leg_motions, leg_velocities
 from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, leg_rates, platform_motion
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, balancing_efforts, motor_columns

@@ -20,7 +20,7 @@ from stewart_pin.kernels.graph import (
     platform_kinematics,
     state_functions,
 )
-from stewart_pin.kernels.graph.body_wrenches import efforts_of_wrenches, outside_wrenches
+from stewart_pin.kernels.graph.bodies import efforts_of_wrenches, outside_wrenches
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.held_motion import HeldMotion
 from stewart_pin.kernels.graph.leg_forces import acting_on

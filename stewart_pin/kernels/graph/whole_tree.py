@@ -14,8 +14,16 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import SingularityError
-from stewart_pin.kernels.graph.body_wrenches import outside_input, outside_wrenches, tree_efforts
-from stewart_pin.kernels.graph.joint_motion import Placements, at_rest, joint_placement, motions, placements
+from stewart_pin.kernels.graph.bodies import (
+    Placements,
+    at_rest,
+    joint_placement,
+    motions,
+    outside_input,
+    outside_wrenches,
+    placements,
+    tree_efforts,
+)
 from stewart_pin.kernels.graph.loop_rows import LoopColumns, loop_bias, loop_columns
 from stewart_pin.kernels.planning.elimination import (
     REGULAR,
