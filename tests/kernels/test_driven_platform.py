@@ -56,7 +56,7 @@ def motor_states(chain: stp.ClosedChain, rng: np.random.Generator, count: int, s
 def by_the_tree(chain: stp.ClosedChain, monkeypatch: pytest.MonkeyPatch) -> Kernels:
     """Compile the same verbs by the other route, which shares no leg with this one."""
 
-    def refuse(_: stp.ClosedChain) -> None:
+    def refuse(*_: object) -> None:
         raise UnsupportedError("for comparison")
 
     with monkeypatch.context() as patch:

@@ -14,6 +14,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,14 @@ _NAMESPACE = "http://drake.mit.edu"
 _WORLD = "world"
 """Name of the body that does not move."""
 _BALL, _BUSHING = "drake:ball_constraint", "drake:linear_bushing_rpy"
+_BUSHING_PARTS = (
+    "frameA",
+    "frameC",
+    "force_stiffness",
+    "torque_stiffness",
+    "force_damping",
+    "torque_damping",
+)
 _JOINTS = ("ball", "planar", "screw", "universal")
 _X, _Y = np.eye(3)[:2]
 _FRICTION = "friction and damping are arguments of the simulation"
@@ -116,8 +125,27 @@ def joint_of_bushing(force: FloatArray, torque: FloatArray) -> tuple[JointKind, 
     return kind, np.eye(3)[free[0]] if kind is JointKind.REVOLUTE else np.array([0.0, 0.0, 1.0])
 
 
-RIGID = "its springs are taken for rigid, and hold the frames together"
-"""What is told of a bushing."""
+def told_of_bushing(numbers: Mapping[str, str | None]) -> str:
+    """Tell what becomes of a bushing, with its numbers: they have no part in a rigid joint.
+
+    Parameters
+    ----------
+    numbers
+        ``{tag: as written, or None}`` of what it holds.
+
+    Returns
+    -------
+    str
+        What is told.
+    """
+    springs = {tag: text for tag, text in numbers.items() if tag.endswith(("_stiffness", "_damping"))}
+    told = ", ".join(
+        f"{tag.removeprefix('drake:bushing_').replace('_', ' ')} {' '.join((text or 'not stated').split())}"
+        for tag, text in springs.items()
+    )
+    return f"its springs are taken for rigid, and hold the frames together ({told})"
+
+
 NO_JOINT = (
     "closes a loop by springs that stand for no joint: along all axes, and about none, two or all; write the joint, or "
     f"a <{_BALL}>"
@@ -136,18 +164,23 @@ def _read_bushing(reader: UrdfElements, element: etree._Element) -> Parts:
     ends = [_frame(reader, reader.child(element, f"drake:bushing_frame{end}", owner), owner) for end in "AC"]
     (link1, place1, name), (link2, place2, _) = ends
     loop = Loop(f"{name}_bushing", found[0], link1, link2, place1, place2, axis=found[1])
-    return Parts(loops=(loop,), notes=(Note(f"loop '{loop.name}'", RIGID, Outcome.CHANGED),))
+    told = told_of_bushing(
+        {shown_tag(child): child.get("value") for child in element.iterchildren(etree.Element)}
+    )
+    return Parts(loops=(loop,), notes=(Note(f"loop '{loop.name}'", told, Outcome.CHANGED),))
 
 
 def _frame(reader: UrdfElements, end: etree._Element, owner: str) -> tuple[str, pin.SE3, str]:
     """Link that carries a ``<frame>`` of Drake, its placement there, and its name."""
     name = reader.text(end, "name", owner)
-    for frame in reader.root.iterchildren("frame"):
-        if frame.get("name") == name:
-            whose = f"frame '{name}'"
-            xyz, rpy = (reader.numbers(frame, key, 3, whose, "0 0 0") for key in ("xyz", "rpy"))
-            return reader.text(frame, "link", whose), pin.SE3(rotation_from_rpy(*rpy), xyz), name
-    raise reader.error(f"{owner} names the missing frame '{name}'; correct the name", name)
+    frames = [frame for frame in reader.root.iterchildren("frame") if frame.get("name") == name]
+    if not frames:
+        raise reader.error(f"{owner} names the missing frame '{name}'; correct the name", name)
+    whose = f"frame '{name}'"
+    if len(frames) > 1:
+        raise reader.error(f"{whose} stands {len(frames)} times; leave one of them", name)
+    xyz, rpy = (reader.numbers(frames[0], key, 3, whose, "0 0 0") for key in ("xyz", "rpy"))
+    return reader.text(frames[0], "link", whose), pin.SE3(rotation_from_rpy(*rpy), xyz), name
 
 
 def _note_spring(reader: UrdfElements, element: etree._Element) -> Parts:
@@ -245,16 +278,9 @@ DIALECT = Dialect(
         **{f"{_BALL}_body_{end}": Words(("name",)) for end in "AB"},
         **{f"{_BALL}_{point}": Words(("value",)) for point in ("p_AP", "p_BQ")},
         "robot/frame": Words(("name", "link", "xyz", "rpy")),
-        f"robot/{_BUSHING}": Words(
-            (),
-            tuple(
-                f"drake:bushing_{part}"
-                for part in ("frameA", "frameC", "force_stiffness", "torque_stiffness")
-            ),
-            {f"drake:bushing_{what}_damping": _FRICTION for what in ("force", "torque")},
-        ),
+        f"robot/{_BUSHING}": Words((), tuple(f"drake:bushing_{part}" for part in _BUSHING_PARTS)),
         **{f"drake:bushing_frame{end}": Words(("name",)) for end in "AC"},
-        **{f"drake:bushing_{what}_stiffness": Words(("value",)) for what in ("force", "torque")},
+        **{f"drake:bushing_{part}": Words(("value",)) for part in _BUSHING_PARTS[2:]},
         "robot/drake:joint": Words(
             ("name", "type"),
             ("parent", "child", "origin", "axis", "drake:screw_thread_pitch"),

@@ -22,7 +22,11 @@ from lxml import etree
 
 from stewart_pin.errors import FileFormatError, UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Outcome
-from stewart_pin.model.formats.dialects.drake import NO_JOINT, RIGID, joint_of_bushing
+from stewart_pin.model.formats.dialects.drake import (
+    NO_JOINT,
+    joint_of_bushing,
+    told_of_bushing,
+)
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
 from stewart_pin.model.formats.sdf.elements import SdfReader, held_model, own
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope
@@ -338,7 +342,10 @@ def _bushings(scope: Scope, poses: dict[str, pin.SE3]) -> list[Loop]:
         ]
         name = f"{scope.prefix}bushing_{number}"
         loops.append(Loop(name, found[0], *bodies, *at, axis=found[1]))
-        reader.note(f"loop '{name}'", RIGID, Outcome.CHANGED)
+        told = told_of_bushing(
+            {shown_tag(child): child.text for child in element.iterchildren(etree.Element)}
+        )
+        reader.note(f"loop '{name}'", told, Outcome.CHANGED)
     return loops
 
 
