@@ -161,7 +161,8 @@ def bounded(
     numpy.ndarray or Stuck
         (nq,) configuration within these limits [m, rad, unit quaternions], or where the search ended.
     """
-    state, room = chain.at(pin.normalize(chain.model, np.array(guess))), _Room(chain, guess, leeway)
+    room = _Room(chain, guess, leeway)
+    state = chain.at(room.off_the_ends(pin.normalize(chain.model, np.array(guess))))
     (residual, jacobian), damping = _equations(chain, state, cones), 1e-3
     enough, slow = max(_enough(chain), state.round_off, precision / 2), 0
     for _ in range(_STEPS):
@@ -264,7 +265,16 @@ class _Room:
         most = chain.model.upperPositionLimit[self._in_q] / self._scale
         # The last bits of closing may move a joint a little.
         inset = np.minimum(_INSET, (most - least) / 4)
-        self._least, self._most = least + inset, most - inset
+        self._least, self._most, self._inset = least + inset, most - inset, inset
+
+    def off_the_ends(self, q: Configuration) -> Configuration:
+        """Move joints that may be anywhere and stand at a limit a little inwards: there they would stay all the way."""
+        value = q[self._in_q] / self._scale
+        inside = np.clip(value, self._least, self._most)
+        at_end = (np.abs(inside - value) <= 2 * self._inset) & ~self.named[self._in_v]
+        moved = q.copy()
+        moved[self._in_q] = np.where(at_end, inside * self._scale, q[self._in_q])
+        return moved
 
     def at(self, q: Configuration) -> tuple[FloatArray, FloatArray]:
         """(nv,) least and largest step."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -70,3 +72,34 @@ def test_bounded_steps_are_the_least_squares(
         assert ((ours >= lower) & (ours <= upper)).all()
         left = [np.linalg.norm(system @ x - target) for x in (ours, theirs)]
         assert left[0] <= left[1] * (1 + 1e-9)
+
+
+def test_a_home_pressed_to_a_limit_is_not_beyond_it_by_a_bit(tmp_path: Path) -> None:
+    # The cylinder would be shorter than its stroke lets it, so that the search ends at the limit where it began.
+    path = tmp_path / "boom.urdf"
+    path.write_text(BOOM)
+    chain = stp.load(path)
+    stroke = chain.q_home[chain.model.joints[chain.model.getJointId("stroke")].idx_q]
+    assert 0.0365 <= stroke <= 0.2365
+    assert np.abs(stp.loop_gap(chain, chain.q_home)).max() < 1e-12
+    assert stp.limits_exceeded(chain.home_state()) == ()
+
+
+MASS = (
+    '<inertial><origin xyz="0.1 0 0"/><mass value="1"/>'
+    '<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+BOOM = f"""<robot name="boom">
+<link name="base"/>
+<link name="boom">{MASS}</link>
+<link name="cylinder">{MASS}</link>
+<link name="rod">{MASS}</link>
+<joint name="hinge" type="continuous"><parent link="base"/><child link="boom"/>
+<origin rpy="0 0.4 0"/><axis xyz="0 1 0"/></joint>
+<joint name="swing" type="continuous"><parent link="base"/><child link="cylinder"/>
+<origin xyz="0 0 -0.12"/><axis xyz="0 1 0"/></joint>
+<joint name="stroke" type="prismatic" independent="true"><parent link="cylinder"/><child link="rod"/><axis xyz="1 0 0"/>
+<limit lower="0.0365" upper="0.2365" effort="10000" velocity="1"/></joint>
+<loop name="eye" type="spherical"><predecessor link="rod"><origin xyz="0.25 0 0"/></predecessor>
+<successor link="boom"><origin xyz="0.28 0 -0.05"/></successor></loop>
+</robot>"""
