@@ -24,6 +24,7 @@ from .building.exporting import export as export
 from .building.exporting import write_urdf as write_urdf
 from .building.from_hexapod import hexapod_chain as hexapod_chain
 from .building.from_hexapod import read_hexapod as read_hexapod
+from .building.joints import with_joint_physics as with_joint_physics
 from .building.joints import with_limits as with_limits
 from .building.loading import load as load
 from .building.loading import robots as robots

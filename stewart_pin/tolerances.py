@@ -88,3 +88,9 @@ SHOWN = 1e-6
 
 WHOLE_STEPS = 1e-6
 """How far a duration may be from a whole number of steps, relative to it: printed digits, not another step."""
+
+AT_REST = 1e-12
+"""Rate, in robot sizes or radians per second, below which a joint with dry friction is at rest: rounding of a velocity
+that is meant to be none."""
+AT_REST_BESIDE = 1e-9
+"""The same relative to the fastest joint: rounding of what loops make of a velocity, near a singularity as well."""

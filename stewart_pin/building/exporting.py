@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from stewart_pin.building.drawn_shapes import with_drawn_shapes
-from stewart_pin.building.joints import require_no_rotors
+from stewart_pin.building.joints import require_describable
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import Mechanism, Note, Report
 from stewart_pin.model.formats.dialect import dialects, side_car_suffixes
@@ -97,7 +97,7 @@ def export(
     }
     if format not in writers:
         raise InputError(f"format must be one of {', '.join(sorted(writers))}, got {format!r}")
-    require_no_rotors(chain, "the file")
+    require_describable(chain)
     if not isinstance(path, str | os.PathLike) or not Path(path).name or "\0" in os.fspath(path):
         raise InputError(f"path must name a file, got {path!r}")
     if Path(path).suffix.lower() in side_car_suffixes():

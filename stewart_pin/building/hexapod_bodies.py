@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from stewart_pin.building.body_graph import BodyGraph, Edge
 from stewart_pin.building.from_hexapod import OVERLAP, default_home, read_stroke
-from stewart_pin.building.joints import require_no_rotors
+from stewart_pin.building.joints import require_no_physics
 from stewart_pin.checks import as_positive
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
@@ -41,7 +41,7 @@ def hexapod_bodies(chain: ClosedChain) -> HexapodBodies:
     UnsupportedError
         If the chain is no such hexapod, or has further bodies or rotors.
     """
-    require_no_rotors(chain, "the closed form")
+    require_no_physics(chain, "the closed form")
     hexapod = Hexapod.from_chain(chain)
     graph = BodyGraph(chain)
     platform = graph.frames[chain.platform_link]

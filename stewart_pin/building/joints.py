@@ -1,9 +1,9 @@
-"""What joints carry, handed on to another chain: limits, and the inertia of rotors."""
+"""What joints carry, handed on to another chain: limits, and what they do by themselves."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import inf, isnan
 from typing import Any
 
@@ -19,6 +19,16 @@ from stewart_pin.model.description import (
     Mechanism,
     Span,
     loop_coordinates,
+    physics_coordinates,
+)
+from stewart_pin.model.joint_physics import (
+    NO_PHYSICS,
+    JointPhysics,
+    read_fields,
+    set_joint_physics,
+    uneven_joint,
+    with_physics_of,
+    write_fields,
 )
 from stewart_pin.model.tree import KINDS, set_limits
 from stewart_pin.model.validation import validate
@@ -170,12 +180,122 @@ def _cone(owner: str, kind: str, value: Any) -> float:
 
 
 # ----------------------------------------------------------------------------------------------------
-# Inertia of rotors, Pinocchio's armature: no description has a place for it, so it is carried over or asked for
+# What joints do by themselves: rotors, damping, dry friction, springs
 # ----------------------------------------------------------------------------------------------------
 
+_FIELDS = tuple(field.name for field in fields(JointPhysics))
 
-def with_rotors_of(chain: ClosedChain, rebuilt: ClosedChain) -> ClosedChain:
-    """Carry the inertia of rotors over to a chain that was rebuilt from a description.
+
+def with_joint_physics(
+    chain: ClosedChain, physics: Mapping[str, JointPhysics | Mapping[str, Any] | None]
+) -> ClosedChain:
+    """Give joints rotors, damping, dry friction and springs: motors, passive joints, and joints that close loops.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    physics
+        ``{joint: {quantity: value}}``; what is not named stays, and None takes all away. A joint that closes a loop and
+        has several coordinates names one: ``"joint angle 1"``. The quantities are ``"armature"``, inertia of the rotor
+        times the square of the gear ratio [kg or kg m²]; ``"damping"`` [N s/m or N m s/rad]; ``"friction"``, dry
+        friction [N or N m]; ``"stiffness"`` of a spring, a number or its coefficients by powers of the displacement,
+        the linear one first [N/m or N m/rad, and so on]; ``"rest"``, where the spring is at rest [m or rad]; and
+        ``"force"``, a constant effort along the joint's coordinate, as of a gas spring or of a preload [N or N m]. A
+        ball has damping and a spring of its whole angle; a joint that closes a loop has no armature.
+
+    Returns
+    -------
+    ClosedChain
+        Same links, joints, loops, motors, platform and home. Armature, damping and friction stand in the fields of
+        Pinocchio's model, and count as they stand there.
+
+    Raises
+    ------
+    InputError
+        If a name or a quantity is unknown, or a value is no number; names those that there are.
+    MechanismError
+        If a value makes no sense, or a joint has no place for it.
+
+    Examples
+    --------
+    >>> import numpy as np, stewart_pin as stp
+    >>> chain = stp.load("stewart")
+    >>> sprung = stp.with_joint_physics(chain, {"leg1": {"stiffness": 1e4, "rest": 0.8, "damping": 20}})
+    >>> bare, other = (stp.inverse_dynamics(each, chain.q_home, *np.zeros((2, 24))) for each in (chain, sprung))
+    >>> pushed = 1e4 * (0.8 - stp.motor_positions(chain, chain.q_home)[0])
+    >>> bool(abs(bare.tau_motor[0] - other.tau_motor[0] - pushed) < 1e-9)
+    True
+    """
+    as_chain(chain)
+    if not isinstance(physics, Mapping):
+        raise InputError(f"physics must be a mapping of joints, got {type(physics).__name__}")
+    mechanism = with_physics_of(chain.model, chain.mechanism)
+    for name, own in physics.items():
+        if own is not None and not isinstance(own, Mapping | JointPhysics):
+            raise InputError(f"physics[{name!r}] must be a mapping of quantities, got {own!r}")
+        mechanism = _with_physics(mechanism, name, own)
+    validate(mechanism)
+    model = chain.model.copy()
+    set_joint_physics(model, mechanism)
+    changed = replace(chain, mechanism=mechanism, model=model)
+    # Ranks and freedoms know nothing of forces.
+    if "generic" in vars(chain):
+        vars(changed)["generic"] = chain.generic
+    return changed
+
+
+def _with_physics(mechanism: Mechanism, name: str, own: JointPhysics | Mapping[str, Any] | None) -> Mechanism:
+    """Change what one joint does by itself along one coordinate."""
+    for joint in mechanism.joints:
+        if joint.name == name and joint.kind is not JointKind.FIXED:
+            return _with_joint(mechanism, replace(joint, physics=_physics(name, joint.physics, own)))
+    for loop in mechanism.loops:
+        words = physics_coordinates(loop.kind)
+        names = _coordinate_names(loop)
+        if name in names:
+            parts = list(loop.physics) or [NO_PHYSICS] * len(words)
+            parts[names.index(name)] = _physics(name, parts[names.index(name)], own)
+            changed = replace(loop, physics=tuple(parts) if any(parts) else ())
+            return replace(
+                mechanism, loops=tuple(changed if each is loop else each for each in mechanism.loops)
+            )
+    taken = [joint.name for joint in mechanism.joints if joint.kind is not JointKind.FIXED]
+    taken += [each for loop in mechanism.loops for each in _coordinate_names(loop)]
+    raise InputError(
+        f"physics names {name!r}, which is no joint that moves; those that do: {', '.join(taken)}"
+    )
+
+
+def _coordinate_names(loop: Loop) -> list[str]:
+    words = physics_coordinates(loop.kind)
+    return [loop.name] if len(words) == 1 else [f"{loop.name} {word}" for word in words]
+
+
+def _physics(name: str, old: JointPhysics, own: JointPhysics | Mapping[str, Any] | None) -> JointPhysics:
+    if own is None or isinstance(own, JointPhysics):
+        return own or NO_PHYSICS
+    values: dict[str, Any] = {}
+    for field, value in own.items():
+        owner = f"physics[{name!r}][{field!r}]"
+        if field not in _FIELDS:
+            raise InputError(f"{owner}: the quantities are {', '.join(_FIELDS)}")
+        try:
+            if isinstance(value, str | bool):
+                raise TypeError
+            if field == "stiffness":
+                values[field] = tuple(float(each) for each in np.atleast_1d(value))
+            else:
+                values[field] = float(value)
+        except (TypeError, ValueError):
+            raise InputError(f"{owner} must be a number, got {value!r}") from None
+    return replace(old, **values)
+
+
+def with_physics_fields_of(chain: ClosedChain, rebuilt: ClosedChain) -> ClosedChain:
+    """Carry armature, damping and friction over to a chain that was rebuilt from a description.
+
+    They live in Pinocchio's model, where they may have been set by hand, entry by entry.
 
     Parameters
     ----------
@@ -187,41 +307,66 @@ def with_rotors_of(chain: ClosedChain, rebuilt: ClosedChain) -> ClosedChain:
     Returns
     -------
     ClosedChain
-        The rebuilt chain; each joint of the same name and size has its rotor.
+        The rebuilt chain; each joint of the same name and size has what it had.
     """
-    if not np.any(chain.model.armature):
-        return rebuilt
-    model = rebuilt.model.copy()
-    armature = np.array(model.armature)
-    for name, joint in zip(model.names[1:], model.joints[1:], strict=True):
+    given, values = read_fields(chain.model), read_fields(rebuilt.model)
+    for name, joint in zip(rebuilt.model.names[1:], rebuilt.model.joints[1:], strict=True):
         if chain.model.existJointName(name):
             before = chain.model.joints[chain.model.getJointId(name)]
             if before.nv == joint.nv:
-                own = chain.model.armature[before.idx_v : before.idx_v + before.nv]
-                armature[joint.idx_v : joint.idx_v + joint.nv] = own
-    model.armature = armature
+                for field, own in given.items():
+                    values[field][joint.idx_v : joint.idx_v + joint.nv] = own[
+                        before.idx_v : before.idx_v + before.nv
+                    ]
+    if all(np.array_equal(own, read_fields(rebuilt.model)[field]) for field, own in values.items()):
+        return rebuilt
+    model = rebuilt.model.copy()
+    write_fields(model, values)
     return replace(rebuilt, model=model)
 
 
-def require_no_rotors(chain: ClosedChain, where: str) -> None:
-    """Refuse rotors where there is no place for their inertia.
+def require_no_physics(chain: ClosedChain, where: str) -> None:
+    """Refuse rotors, damping, friction and springs where there is no place for them.
 
     Parameters
     ----------
     chain
         Closed chain.
     where
-        What has no place for it.
+        What has no place for them.
 
     Raises
     ------
     UnsupportedError
-        If a joint has a rotor.
+        If a joint has any.
     """
-    turning = np.flatnonzero(chain.model.armature)
-    if turning.size:
-        name, amount = chain.tangent_names[turning[0]], chain.model.armature[turning[0]]
+    mechanism = with_physics_of(chain.model, chain.mechanism)
+    found = [(joint.name, joint.physics) for joint in mechanism.joints if joint.physics]
+    found += [(loop.name, own) for loop in mechanism.loops for own in loop.physics if own]
+    if (uneven := uneven_joint(chain.model)) is not None:
+        found.append((uneven[0], f"{uneven[1]} that differs between its axes"))  # type: ignore[arg-type]
+    if found:
         raise UnsupportedError(
-            f"{where} has no place for rotors, and joint '{name}' of {chain.name} has one of {amount:g} kg or kg m² "
-            "(armature of the model); use a verb that takes the chain, or set the armature to zero"
+            f"{where} has no place for what joints do by themselves, and joint '{found[0][0]}' of {chain.name} has "
+            f"{found[0][1]}; use a verb that takes the chain, or take it away by with_joint_physics"
+        )
+
+
+def require_describable(chain: ClosedChain) -> None:
+    """Refuse a model whose joints do what no description can say.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Raises
+    ------
+    UnsupportedError
+        If armature, damping or friction of one joint differs between its axes.
+    """
+    if (uneven := uneven_joint(chain.model)) is not None:
+        raise UnsupportedError(
+            f"joint '{uneven[0]}' of {chain.name} has {uneven[1]} that differs between its axes (in the fields of "
+            "chain.model), which no file can say; make it one number for all"
         )

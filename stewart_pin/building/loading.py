@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.building.home import settle_home
-from stewart_pin.building.joints import with_rotors_of
+from stewart_pin.building.joints import with_physics_fields_of
 from stewart_pin.building.printed_digits import settle_printed
 from stewart_pin.checks import as_array, as_positive
 from stewart_pin.errors import FileMissingError, InputError, MechanismError
@@ -367,7 +367,7 @@ def with_motors(chain: ClosedChain, motors: Sequence[str]) -> ClosedChain:
     """
     as_chain(chain)
     rebuilt = build_chain(chain.described(), motors=motors, platform=chain.platform, gravity=chain.gravity)
-    return with_rotors_of(chain, rebuilt)
+    return with_physics_fields_of(chain, rebuilt)
 
 
 def with_platform(
@@ -415,11 +415,11 @@ def with_platform(
                 f"name {name!r} needs a placement=: without one, the platform is link '{link}' itself"
             )
         rebuilt = build_chain(mechanism, motors=chain.motors, platform=link, gravity=chain.gravity)
-        return with_rotors_of(chain, rebuilt)
+        return with_physics_fields_of(chain, rebuilt)
     name = f"{link}_frame" if name is None else name
     mechanism = with_fixed_link(mechanism, Link(name), link, as_pose("placement", placement))
     rebuilt = build_chain(mechanism, motors=chain.motors, platform=name, gravity=chain.gravity)
-    return with_rotors_of(chain, rebuilt)
+    return with_physics_fields_of(chain, rebuilt)
 
 
 def with_fixed_link(mechanism: Mechanism, link: Link, carrier: str, placement: pin.SE3) -> Mechanism:

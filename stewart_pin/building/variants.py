@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.building.joints import with_rotors_of
+from stewart_pin.building.joints import with_physics_fields_of
 from stewart_pin.building.loading import build_chain, require_link, with_fixed_link
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Mechanism
@@ -66,7 +66,7 @@ def replace_inertias(chain: ClosedChain, inertias: Mapping[str, pin.Inertia]) ->
     mechanism = replace(chain.mechanism, links=links)
     validate(mechanism)
     rebuilt = replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
-    return with_rotors_of(chain, rebuilt)
+    return with_physics_fields_of(chain, rebuilt)
 
 
 def attach_payload(
@@ -119,7 +119,7 @@ def attach_payload(
     placement = pin.SE3.Identity() if placement is None else as_pose("placement", placement)
     mechanism = with_fixed_link(mechanism, Link(name, inertia), carrier, placement)
     rebuilt = build_chain(mechanism, motors=chain.motors, platform=chain.platform, gravity=chain.gravity)
-    return with_rotors_of(chain, rebuilt)
+    return with_physics_fields_of(chain, rebuilt)
 
 
 def massless_legs(chain: ClosedChain, *, point_platform: bool = False) -> ClosedChain:
@@ -242,7 +242,7 @@ def on_floating_base(
         platform=chain.platform,
         gravity=chain.gravity if gravity is None else gravity,
     )
-    return with_rotors_of(chain, rebuilt)
+    return with_physics_fields_of(chain, rebuilt)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -320,7 +320,7 @@ def lock_joints(chain: ClosedChain, joints: Sequence[str], q: ArrayLike | None =
     )
     motors = [motor for motor in chain.motors if motor not in locked]
     rebuilt = build_chain(smaller, motors=motors, platform=chain.platform, gravity=chain.gravity)
-    return with_rotors_of(chain, rebuilt)
+    return with_physics_fields_of(chain, rebuilt)
 
 
 def _names(chain: ClosedChain, joints: Sequence[str]) -> set[str]:
@@ -453,7 +453,7 @@ def displace_geometry(chain: ClosedChain, displacements: Mapping[GeometryParamet
     mechanism = _moved(chain.mechanism, moves)
     validate(mechanism)
     moved = replace(chain, mechanism=mechanism, model=build_tree(mechanism, chain.gravity))
-    moved = with_rotors_of(chain, moved)
+    moved = with_physics_fields_of(chain, moved)
     return replace(moved, q_home=close_loops(moved, chain.q_home).q)
 
 

@@ -200,7 +200,7 @@ def forward_dynamics_derivatives(
 def force_derivatives(
     state: State, a: Tangent, lambda_c: FloatArray, outside: OutsideWrenches | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Differentiate M a + nle - J_cᵀ λ - Σ J_fᵀ w for fixed λ and w.
+    """Differentiate M a + nle - J_cᵀ λ - Σ J_fᵀ w - efforts of joints, for fixed λ, w and dry friction.
 
     Parameters
     ----------
@@ -226,7 +226,11 @@ def force_derivatives(
     force_q = unit * (force_q - reactions.derivative)
     if outside is not None:
         force_q = force_q - outside_effort_derivative(state, outside)
-    return force_q, unit * force_v, state.M
+    force_v = unit * force_v
+    if state.effects is not None:
+        by_q, by_v = state.effects.slopes()
+        force_q, force_v = force_q - by_q, force_v - by_v
+    return force_q, force_v, state.M
 
 
 def _least_norm(state: State, rows: FloatArray) -> FloatArray:

@@ -34,6 +34,9 @@ class Effort(Brief):
         [m/s², rad/s²].
     residual
         Largest part of the equation of motion that no motor and no reaction can supply [N or N m].
+    band
+        (nu, 2) least and greatest efforts that dry friction of joints at rest allows, `tau_motor` in their middle; None
+        where no joint is held so [N or N m].
     """
 
     tau_motor: FloatArray
@@ -42,6 +45,7 @@ class Effort(Brief):
     reactions_unique: bool
     a: Tangent
     residual: float
+    band: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -3,7 +3,9 @@ r"""Forward dynamics: how a chain accelerates under given motor efforts.
 The acceleration that keeps the loops closed is a particular one plus motions N of the loops, and Nᵀ times the equation
 of motion determines how much of each:
 
-.. math:: J_c a + \dot J_c v = 0, \qquad N^\top (M a + h - S^\top \tau - \sum J_f^\top w_f) = 0 .
+.. math:: J_c a + \dot J_c v = 0, \qquad N^\top (M a + h - S^\top \tau - \sum J_f^\top w_f - f) = 0 ,
+
+with f what joints do by themselves: springs, damping, dry friction.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+import proxsuite
 from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.checks import as_array
@@ -20,7 +23,7 @@ from stewart_pin.mechanics.inverse_dynamics import least_reactions, require_idle
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.loop_rows import Drive
 from stewart_pin.state.loop_verbs import reactions_from_pinocchio, unknown_to_pinocchio
-from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, outside_efforts
+from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, given_efforts
 from stewart_pin.state.state import State, as_state, named_motion
 from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
@@ -92,14 +95,22 @@ def forward_dynamics(
         raise InputError("tau_motor is missing; pass the motor efforts, in the order of chain.motors")
     tau = np.zeros(chain.nv)
     tau[chain.motor_index] = as_array("tau_motor", tau_motor, (chain.nu,))
-    outside = None if wrenches is None else as_wrenches(chain, wrenches)
-    if outside is not None:
-        require_idle_inertia(state, outside)
-        tau += outside_efforts(state, outside)
+    given = given_efforts(state, None if wrenches is None else as_wrenches(chain, wrenches))
+    if given is not None:
+        require_idle_inertia(state, given)
+        tau += given
+    if method not in (None, "projection", "constraint_dynamics"):
+        raise InputError(f"method must be 'projection' or 'constraint_dynamics', got {method!r}")
+    motion = _accelerated(state, tau, method)
+    held = None if state.effects is None else resting_friction(state, motion.a)
+    return motion if held is None else _accelerated(state, tau + held, method)
+
+
+def _accelerated(state: State, tau: FloatArray, method: Method | None) -> Motion:
+    """Accelerate the tree under joint efforts (nv,), its loops closed."""
+    chain = state.chain
     if method == "constraint_dynamics":
         return _constraint_dynamics(state, tau)
-    if method not in (None, "projection"):
-        raise InputError(f"method must be 'projection' or 'constraint_dynamics', got {method!r}")
     if method is None and state.drive is not None and chain.known_to_pinocchio:
         motion = _by_pinocchio(state, tau)
         if motion is not None:
@@ -137,6 +148,109 @@ def _free_acceleration(state: State, inertia: FloatArray, push: FloatArray) -> T
         _require_idle(state, free @ axes[:, ~heavy], moments)
     kept = axes[:, heavy]
     return free @ (kept @ ((kept.T @ (free.T @ push)) / moments[heavy])) if chain.nv else push
+
+
+# ----------------------------------------------------------------------------------------------------
+# Dry friction of joints at rest
+#
+# Of all accelerations that the loops allow, the one that is chosen has friction f do as much as it can against it: with
+# b the accelerations of the coordinates at rest without f, and W what a unit of each effort adds to them, f minimises
+#
+#     fᵀ W f / 2 + bᵀ f,   |f_i| ≤ F_i,
+#
+# so that either a coordinate stays, or f_i = -F_i sign of its acceleration (Gauss's principle; Moreau, 1966).
+# ----------------------------------------------------------------------------------------------------
+
+_HELD = 1e-6
+"""Distance from the limit of friction, relative to it, from which on the solver means less than the limit."""
+
+
+def resting_friction(state: State, a: Tangent) -> Tangent | None:
+    """Find what dry friction of joints at rest does.
+
+    Parameters
+    ----------
+    state
+        State with `Effects`.
+    a
+        (nv,) acceleration without it [m/s², rad/s²].
+
+    Returns
+    -------
+    numpy.ndarray or None
+        (nv,) joint efforts; None where no joint with dry friction is at rest [N, N m].
+
+    Raises
+    ------
+    ConvergenceError
+        If no friction is found, which does not happen but for numbers beyond any machine.
+    """
+    assert state.effects is not None
+    rub, chain = state.effects.rubbing, state.chain
+    still = ~rub.moving
+    if not still.any():
+        return None
+    rows, limits = rub.rows[still], rub.limits[still]
+    free = state.motions.basis
+    moments, axes = np.linalg.eigh(free.T @ state.inertia @ free)
+    heavy = moments > NO_INERTIA * moments.max(initial=0.0)
+    response = (rows * chain.tangent_scale) @ free @ (axes[:, heavy] / np.sqrt(moments[heavy]))
+    return held_by(response, rows @ a + rub.bias[still], limits) @ rows
+
+
+def held_by(response: FloatArray, accelerations: FloatArray, limits: FloatArray) -> FloatArray:
+    """Solve for the dry friction of coordinates at rest.
+
+    Parameters
+    ----------
+    response
+        (k, n) root of what a unit of each friction does: W is it times its transpose [1/kg^½ or 1/(kg^½ m)].
+    accelerations
+        (k,) accelerations of the coordinates without friction [m/s² or rad/s²].
+    limits
+        (k,) dry friction, above zero [N or N m].
+
+    Returns
+    -------
+    numpy.ndarray
+        (k,) efforts of friction; the least ones, in shares of their limits, where several do the same [N or N m].
+
+    Raises
+    ------
+    ConvergenceError
+        If the solver finds none.
+    """
+    root = limits[:, None] * response  # in shares of the limits
+    pull = limits * accelerations
+    size = float(np.abs(pull).max(initial=0.0)) or 1.0
+    W, b, count = root @ root.T / size, pull / size, len(limits)
+    W_size = float(np.abs(W).max(initial=0.0)) or 1.0
+    qp = proxsuite.proxqp.dense.QP(count, 0, 0, True)
+    qp.settings.eps_abs, qp.settings.max_iter = 1e-9, 10_000
+    none = np.zeros((0, count))
+    one = np.ones(count)
+    # In units of W, shares grow where friction is much stronger than what moves: the bounds go with them.
+    qp.init(W / W_size, b / W_size, none, np.zeros(0), none, np.zeros(0), np.zeros(0), -one, one)
+    qp.solve()
+    if qp.results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED:
+        raise ConvergenceError(
+            f"no dry friction of the joints at rest was found ({qp.results.info.status}); "
+            "are some frictions many orders of magnitude larger than others?",
+            residual=float(qp.results.info.pri_res),
+        )
+    share = np.clip(qp.results.x, -1.0, 1.0)
+    # Again to round-off, with those that hold and those that slip as found.
+    for _ in range(count + 1):
+        holds = np.abs(share) < 1.0 - _HELD
+        exact = np.where(holds, 0.0, np.sign(share))
+        own = root[holds]
+        if holds.any():
+            exact[holds] = -np.linalg.lstsq(own @ own.T / size, b[holds] + own @ (root.T @ exact) / size)[0]
+        beyond = np.abs(exact) > 1.0 + 1e-12
+        if not beyond.any():
+            break
+        share = np.clip(exact, -1.0, 1.0)
+    return limits * np.clip(exact, -1.0, 1.0)
 
 
 def _require_idle(state: State, weightless: FloatArray, moments: FloatArray) -> None:

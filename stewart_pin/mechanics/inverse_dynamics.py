@@ -12,6 +12,7 @@ Efforts within limits come from a quadratic programme.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -24,7 +25,7 @@ from stewart_pin.model.tree import Limits
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
 from stewart_pin.state.loop_rows import Drive
-from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, needed_efforts, outside_efforts
+from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, given_efforts, needed_efforts
 from stewart_pin.state.state import State, as_state, named_motion
 from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
 from stewart_pin.typing import ArrayLike, BoolArray, FloatArray, Tangent
@@ -74,8 +75,10 @@ def inverse_dynamics(
     Effort
         Motor efforts, loop reactions, and whether they are unique. Efforts and reactions that are not unique are the
         least-norm ones in natural units, forces times ``chain.length_scale`` beside moments: N m, so that the split
-        does not depend on the unit of length. Idle freedoms, which no motor can drive, follow their own inertia,
-        and the wrenches, whatever `a` asks of them.
+        does not depend on the unit of length. Springs, damping and dry friction of joints (`with_joint_physics`) count:
+        dry friction opposes the motion, of a joint at rest the one that `a` starts; where that stays, it may be
+        anything within its limits, and ``band`` tells what motors may then give. Idle freedoms, which no motor can
+        drive, follow their own inertia, the wrenches and their joints, whatever `a` asks of them.
 
     Raises
     ------
@@ -103,19 +106,31 @@ def inverse_dynamics(
     if method not in get_args(Method):
         raise InputError(f"method must be one of {', '.join(get_args(Method))}, got {method!r}")
     if method == "pinocchio" and effort_limit is None and state.drive is not None:
-        return _by_drive(state, state.drive, a, outside)
+        return _with_band(_by_drive(state, state.drive, a, outside), state, a)
     # What is singular is a property of the state, so that all methods refuse the same ones.
     if throw:
         require_held(state)
-    if outside is not None:
-        require_idle_inertia(state, outside)
+    require_idle_inertia(state, given_efforts(state, outside, a))
     if method == "constraint_matrix":
         if effort_limit is not None:
             raise InputError(
                 "effort_limit is for method 'pinocchio'; 'constraint_matrix' gives the least-norm efforts"
             )
-        return constraint_matrix_inverse_dynamics(state, a, outside, throw=throw)
-    return _by_motions(state, a, effort_limit, outside)
+        return _with_band(constraint_matrix_inverse_dynamics(state, a, outside, throw=throw), state, a)
+    return _with_band(_by_motions(state, a, effort_limit, outside), state, a)
+
+
+def _with_band(effort: Effort, state: State, a: Tangent) -> Effort:
+    """Add by how much motor efforts may differ while dry friction holds what is at rest."""
+    if state.effects is None or not state.effects.rubbing.limits.size:
+        return effort
+    rub, freedom = state.effects.rubbing, state.freedom
+    held = state.effects.directions(a) == 0
+    if not held.any():
+        return effort
+    pushes = (rub.limits * rub.rows.T)[:, held]
+    half = sum(np.abs(least_efforts(state, freedom.motions.T @ push)) for push in pushes.T)
+    return replace(effort, band=effort.tau_motor[:, None] + np.outer(half, [-1.0, 1.0]))
 
 
 def motor_efforts(state: State, a: Tangent, outside: OutsideWrenches | None = None) -> FloatArray:
@@ -142,9 +157,9 @@ def motor_efforts(state: State, a: Tangent, outside: OutsideWrenches | None = No
 
 
 def _by_drive(state: State, drive: Drive, a: Tangent, outside: OutsideWrenches | None) -> Effort:
-    """Solve [J_c; S]ᵀ [λ; τ] = M a + nle - Σ J_fᵀ w_f, regular and square."""
+    """Solve [J_c; S]ᵀ [λ; τ] = M a + nle - Σ J_fᵀ w_f - efforts of joints, regular and square."""
     chain, scale = state.chain, state.chain.tangent_scale
-    needed = (state.tree_efforts(a) if outside is None else needed_efforts(state, a, outside)) * scale
+    needed = needed_efforts(state, a, outside) * scale
     reactions, motors = drive.carry(needed)
     left = needed - reactions @ state.rows
     left[chain.motor_index] -= motors
@@ -282,34 +297,34 @@ def _idle_inertia(state: State) -> tuple[FloatArray, FloatArray, BoolArray]:
     return moments, axes, moments > NO_INERTIA * np.abs(state.inertia).max()
 
 
-def require_idle_inertia(state: State, outside: OutsideWrenches) -> None:
-    """Refuse wrenches that push an idle freedom without inertia: nothing says how it would move.
+def require_idle_inertia(state: State, efforts: Tangent | None) -> None:
+    """Refuse wrenches, springs and friction that push an idle freedom without inertia: nothing says how it would move.
 
     Parameters
     ----------
     state
         The state.
-    outside
-        Wrenches from outside.
+    efforts
+        (nv,) joint efforts that neither motors nor loops give, or None [N, N m].
 
     Raises
     ------
     SingularityError
         Naming the motion.
     """
-    if not state.chain.generic.count.idle:
+    if efforts is None or not state.chain.generic.count.idle:
         return
     idle, scale = state.freedom.idle, state.chain.tangent_scale
     moments, axes, heavy = _idle_inertia(state)
     light = idle @ axes[:, ~heavy]
-    efforts = outside_efforts(state, outside)
     pushed = efforts @ light
     if np.abs(pushed).max(initial=0.0) > CONSISTENT * float(np.abs(efforts * scale).max(initial=0.0)):
         direction = light @ pushed
         direction = direction / np.abs(direction / scale).max()
         raise SingularityError(
-            f"nothing with inertia takes part in the motion {named_motion(state.chain, direction)}, and wrenches push "
-            "it, so its acceleration is undetermined; give the bodies mass, or let the wrenches not push it",
+            f"nothing with inertia takes part in the motion {named_motion(state.chain, direction)}, and wrenches, "
+            "springs or friction push it, so its acceleration is undetermined; give the bodies mass, or let nothing "
+            "push it",
             smallest_singular_value=float(moments[0]),
             direction=direction,
             names=state.chain.tangent_names,

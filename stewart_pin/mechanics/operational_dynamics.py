@@ -28,7 +28,7 @@ from stewart_pin.mechanics.coordinates import (
 from stewart_pin.mechanics.inverse_dynamics import require_idle_inertia
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import OwnMotion, split_motions
-from stewart_pin.state.outside import Wrenches, as_wrenches, outside_efforts
+from stewart_pin.state.outside import Wrenches, as_wrenches, given_efforts
 from stewart_pin.state.state import State, as_state, named_motion
 from stewart_pin.tolerances import SHOWN, SINGULAR
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
@@ -280,7 +280,8 @@ class OperationalDynamics(Brief):
     g
         (n,) efforts against gravity [N or N m].
     w
-        (n,) what the wrenches from outside add to the efforts; zero without [N or N m].
+        (n,) what wrenches from outside, springs, damping and dry friction of moving joints add to the efforts; zero
+        without [N or N m].
     """
 
     motion: MotionMap
@@ -317,7 +318,7 @@ def operational_dynamics(
     Returns
     -------
     OperationalDynamics
-        Inertia, Coriolis matrix and efforts, gravity efforts, and those of the wrenches.
+        Inertia, Coriolis matrix and efforts, gravity efforts, and those of wrenches and of the joints themselves.
 
     Raises
     ------
@@ -348,10 +349,8 @@ def operational_dynamics(
     """
     state = as_state(chain, q, v)
     solved = SolvedMap(state, coordinates)
-    outside, pushed = as_wrenches(state.chain, wrenches), None
-    if outside is not None:
-        require_idle_inertia(state, outside)
-        pushed = outside_efforts(state, outside)
+    pushed = given_efforts(state, as_wrenches(state.chain, wrenches))
+    require_idle_inertia(state, pushed)
     motion, scale, sizes = solved.record(pushed), solved.scale, solved.chosen.sizes
     coriolis = scale[:, None] * state.coriolis * scale
     G, inertia = solved.G, solved.inertia

@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from stewart_pin.brief import Brief
 from stewart_pin.errors import UnsupportedError
+from stewart_pin.model.joint_physics import NO_PHYSICS, JointPhysics
 from stewart_pin.model.shapes import Shape
 from stewart_pin.typing import FloatArray
 
@@ -112,6 +113,22 @@ def loop_coordinates(kind: JointKind) -> tuple[str, ...]:
     return _LOOP_COORDINATES.get(kind, ())
 
 
+def physics_coordinates(kind: JointKind) -> tuple[str, ...]:
+    """Name the coordinates along which a joint that closes a loop may have a spring, damping or friction.
+
+    Parameters
+    ----------
+    kind
+        One of `LOOP_KINDS`.
+
+    Returns
+    -------
+    tuple of str
+        Those of `loop_coordinates`; of a ball ``turn``, the rotation as a whole.
+    """
+    return ("turn",) if kind is JointKind.SPHERICAL else loop_coordinates(kind)
+
+
 AXIS_FREE_LOOPS = (JointKind.FIXED, JointKind.SPHERICAL, JointKind.DISTANCE)
 """Kinds of loops whose meaning does not depend on an axis."""
 
@@ -192,6 +209,8 @@ class Joint:
         Largest acceleration [m/s² or rad/s²] and its rate [m/s³ or rad/s³] to both sides, or (least, greatest).
     swing, turn
         Of a ball: largest angle between its axis in both frames, and largest angle of its whole rotation [rad].
+    physics
+        What it does by itself: rotor, damping, friction, spring.
     """
 
     name: str
@@ -209,6 +228,7 @@ class Joint:
     jerk: float | Span = inf
     swing: float = inf
     turn: float = inf
+    physics: JointPhysics = NO_PHYSICS
 
     @property
     def has_axis(self) -> bool:
@@ -254,6 +274,8 @@ class Loop:
         Distance kept between the frame origins by a `DISTANCE` loop [m].
     bounds
         What each coordinate of the joint may do, in the order of `loop_coordinates`; empty: nothing is stated.
+    physics
+        What it does by itself along each of `physics_coordinates`, in their order; empty: nothing.
     """
 
     name: str
@@ -266,6 +288,7 @@ class Loop:
     axis2: FloatArray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
     length: float = 0.0
     bounds: tuple[Bounds, ...] = ()
+    physics: tuple[JointPhysics, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,7 @@ from stewart_pin.model.description import (
     loop_coordinates,
     unknown_kind,
 )
+from stewart_pin.model.joint_physics import set_joint_physics
 from stewart_pin.typing import ArrayLike, BoolArray, FloatArray
 
 _AXES = np.eye(3)
@@ -74,7 +75,9 @@ def build_tree(mechanism: Mechanism, gravity: ArrayLike) -> pin.Model:
             placement = pin.SE3.Identity()
         frame = _add_body(model, joint.child, carrier, placement, frame, inertias[joint.child])
         stack += [(below, carrier, placement, frame) for below in reversed(children[joint.child])]
-    return model if unit == 1.0 else with_masses_in(model, 1 / unit)
+    model = model if unit == 1.0 else with_masses_in(model, 1 / unit)
+    set_joint_physics(model, mechanism)
+    return model
 
 
 def mass_unit(masses: Iterable[float]) -> float:

@@ -319,6 +319,7 @@ def loop_from_joint(joint: Joint, *, source: str = "") -> Loop:
         pin.SE3.Identity(),
         axis=joint.axis if joint.has_axis else np.array([0.0, 0.0, 1.0]),
         bounds=_bounds(joint),
+        physics=(joint.physics,) if joint.physics else (),
     )
 
 
@@ -333,7 +334,8 @@ def _bounds(joint: Joint) -> tuple[Bounds, ...]:
 def _grow(joints: Sequence[Joint]) -> dict[str, Joint]:
     """Choose the joint above every link that the ground reaches."""
     children = {joint.child for joint in joints}
-    driven = {joint.child for joint in joints if joint.independent}
+    # A motor and a rotor stand in the tree.
+    driven = {joint.child for joint in joints if joint.independent or joint.physics.armature}
     reached = {joint.parent for joint in joints} - children
     above: dict[str, Joint] = {}
     while True:
@@ -341,6 +343,6 @@ def _grow(joints: Sequence[Joint]) -> dict[str, Joint]:
         if not open_ends:
             return above
         # A passive joint to a link that a motor moves waits until no other joint leads on.
-        step = min(open_ends, key=lambda j: j.child in driven and not j.independent)
+        step = min(open_ends, key=lambda j: j.child in driven and not (j.independent or j.physics.armature))
         above[step.child] = step
         reached.add(step.child)

@@ -15,11 +15,14 @@ from stewart_pin.model.description import (
     TREE_KINDS,
     JointKind,
     Link,
+    Loop,
     Mechanism,
     Note,
     Outcome,
     loop_coordinates,
+    physics_coordinates,
 )
+from stewart_pin.model.joint_physics import JointPhysics
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9
@@ -163,12 +166,53 @@ class _Validator:
                     raise self._error(
                         joint.name, f"joint '{joint.name}' has the {what} limit {shown}; it is a number >= 0"
                     )
+            self._physics(f"joint '{joint.name}'", joint.name, joint.physics)
+            if joint.physics and joint.kind is JointKind.FIXED:
+                raise self._error(
+                    joint.name,
+                    f"joint '{joint.name}' is fixed and has {joint.physics}; a joint that does not move has none",
+                )
+            ball = joint.kind is JointKind.SPHERICAL
+            if not joint.has_axis and (
+                joint.physics.force
+                or (joint.physics.pushes and not ball)
+                or joint.physics.rest
+                or len(joint.physics.stiffness) > 1
+            ):
+                raise self._error(
+                    joint.name, _without_coordinate("joint", joint.name, joint.kind, joint.physics)
+                )
             if joint.independent and not joint.has_axis:
                 raise self._error(
                     joint.name,
                     f"joint '{joint.name}' is marked independent, but a motor drives a revolute or prismatic joint, "
                     f"not one of type '{joint.kind}'",
                 )
+
+    def _physics(self, owner: str, culprit: str, physics: JointPhysics) -> None:
+        if fault := physics.fault():
+            raise self._error(culprit, f"{owner}: {fault}")
+
+    def _loop_physics(self, loop: Loop) -> None:
+        own = physics_coordinates(loop.kind)
+        if len(loop.physics) not in (0, len(own)):
+            raise self._error(
+                loop.name,
+                f"loop '{loop.name}' has physics of {len(loop.physics)} coordinates; the coordinates of its kind "
+                f"'{loop.kind}' are: {', '.join(own) or 'none'}",
+            )
+        for physics in loop.physics:
+            self._physics(f"loop '{loop.name}'", loop.name, physics)
+            if physics.armature:
+                raise self._error(
+                    loop.name,
+                    f"joint '{loop.name}' closes a loop and has a rotor (armature {physics.armature:g}), which only "
+                    "joints of the tree may have; let another joint of the loop close it",
+                )
+            if loop.kind is JointKind.SPHERICAL and (
+                physics.force or physics.rest or physics.friction or len(physics.stiffness) > 1
+            ):
+                raise self._error(loop.name, _without_coordinate("loop", loop.name, loop.kind, physics))
 
     def _span(self, owner: str, culprit: str, what: str, span: tuple[float, float]) -> None:
         if not span[0] <= span[1]:
@@ -227,6 +271,7 @@ class _Validator:
             for bounds in loop.bounds:
                 for what, span in vars(bounds).items():
                     self._span(f"loop '{loop.name}'", loop.name, what, span)
+            self._loop_physics(loop)
             if loop.link1 == loop.link2:
                 raise self._error(loop.name, f"loop '{loop.name}' joins link '{loop.link1}' to itself")
             # A rod as short as round-off has no direction, and two points on one place are a ball.
@@ -286,6 +331,16 @@ class _Validator:
                     coupling.name,
                     f"{owner} has no second joint, but a polynomial of one; give a constant alone",
                 )
+
+
+def _without_coordinate(what: str, name: str, kind: JointKind, physics: JointPhysics) -> str:
+    """Say that a joint has no coordinate with a sign, along which something could push."""
+    may = (
+        "armature, damping and friction"
+        if kind is JointKind.FLOATING
+        else "a linear spring that rests at zero, and damping"
+    )
+    return f"{what} '{name}' is of type '{kind}' and has {physics}; it may have {may}"
 
 
 def _round_off(mechanism: Mechanism) -> float:

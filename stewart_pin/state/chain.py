@@ -19,6 +19,7 @@ from stewart_pin.model.description import (
     Report,
     unknown_kind,
 )
+from stewart_pin.model.joint_physics import with_physics_of
 from stewart_pin.model.leg_points import leg_points, leg_readings
 from stewart_pin.model.loop_table import LoopTable, build_loop_table, support
 from stewart_pin.model.roles import mark_motors, motor_candidates, platform_candidates
@@ -26,6 +27,7 @@ from stewart_pin.model.sizes import length_scale
 from stewart_pin.model.tree import Limits, build_limits, link_frame, mass_unit, with_masses_in
 from stewart_pin.state.describing import describe
 from stewart_pin.state.generic import Generic, find_generic
+from stewart_pin.state.joint_effects import JointEffects
 from stewart_pin.state.limits import Judge
 from stewart_pin.state.loop_verbs import ConstrainedDynamics, unknown_to_pinocchio
 from stewart_pin.state.scratch import Pool, Scratch
@@ -141,6 +143,11 @@ class ClosedChain:
     def gravity(self) -> FloatArray:
         """(3,) acceleration of free fall in the world frame [m/s²]."""
         return np.array(self.model.gravity.linear)
+
+    @cached_property
+    def joint_effects(self) -> JointEffects:
+        """What joints do by themselves, see `with_joint_physics`."""
+        return JointEffects(self)
 
     @cached_property
     def loop_table(self) -> LoopTable:
@@ -439,7 +446,7 @@ class ClosedChain:
         return checked_state(self, q, v, a)
 
     def described(self) -> Mechanism:
-        """Return the description with this chain's own motors, platform, home and gravity written into it.
+        """Return the description with this chain's own motors, platform, home, gravity and rotors written into it.
 
         The motors stand in their order, each where the description had one of them.
 
@@ -453,7 +460,7 @@ class ClosedChain:
             home[name] = self.q_home[joint.idx_q : joint.idx_q + joint.nq]
         x, y, z = map(float, self.gravity)
         return replace(
-            mark_motors(self.mechanism, self.motors),
+            with_physics_of(self.model, mark_motors(self.mechanism, self.motors)),
             platform=self.platform,
             home=home,
             home_is_guess=False,

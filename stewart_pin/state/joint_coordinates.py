@@ -20,13 +20,14 @@ which have no sign, have a kink at zero: their derivative is zero there.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.model.description import BALL, JointKind, loop_coordinates
+from stewart_pin.model.description import BALL, Joint, JointKind, loop_coordinates
 from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.state.scratch import PlacedJoints
 from stewart_pin.tolerances import NO_DIRECTION
@@ -34,6 +35,11 @@ from stewart_pin.typing import Configuration, FloatArray
 
 if TYPE_CHECKING:
     from stewart_pin.state.chain import ClosedChain
+
+
+TURNS = ("turn x", "turn y", "turn z")
+"""Rotation vector of a ball, in frame 1. Their rows are the angular velocity, not their derivatives: its spring is
+alike about all axes, and log(R)ᵀ times either is the same, since R turns about log(R)."""
 
 
 class JointCoordinates:
@@ -46,22 +52,14 @@ class JointCoordinates:
     """
 
     def __init__(self, chain: ClosedChain) -> None:
-        self._nv, table = chain.nv, chain.loop_table
+        self._nv = chain.nv
         joints = {joint.name: joint for joint in chain.mechanism.joints}
-        self._readers: list[_Reader] = []
+        self._coordinates: list[Coordinate] = []
         for name, entry in zip(chain.model.names[1:], list(chain.model.joints)[1:], strict=True):
             if (joint := joints[name]).kind is JointKind.SPHERICAL:
-                ball = _Ball(entry.idx_q, entry.idx_v)
-                self._readers += [_Reader(ball, word, joint.kind, joint.axis, joint.axis) for word in BALL]
+                self._coordinates += coordinates_of_ball(joint, entry.idx_q, entry.idx_v, BALL)
         for k, loop in enumerate(chain.loops):
-            frames = (
-                pin.SE3(table.rotation1[k], table.translation1[k]),
-                pin.SE3(table.rotation2[k], table.translation2[k]),
-            )
-            pair = _Pair(table.joint1[k], table.joint2[k], *frames, table.difference[k])
-            self._readers += [
-                _Reader(pair, word, loop.kind, loop.axis, loop.axis2) for word in loop_coordinates(loop.kind)
-            ]
+            self._coordinates += coordinates_of_loop(chain, k, loop_coordinates(loop.kind))
 
     def values(self, placed: PlacedJoints, q: Configuration, rows: np.ndarray) -> FloatArray:
         """Read coordinates.
@@ -80,8 +78,7 @@ class JointCoordinates:
         numpy.ndarray
             (k,) lengths and angles, the latter from -π to π [m or rad].
         """
-        readers = [self._readers[row - self._nv] for row in rows]
-        return np.array([reader.value(reader.owner.apart(placed, q)) for reader in readers], dtype=float)
+        return np.array([self._coordinates[row - self._nv].at(placed, q) for row in rows], dtype=float)
 
     def jacobian(self, placed: PlacedJoints, q: Configuration, rows: np.ndarray) -> FloatArray:
         """Differentiate coordinates along the tangent of the tree.
@@ -102,10 +99,55 @@ class JointCoordinates:
         """
         found = np.zeros((len(rows), self._nv))
         for into, row in zip(found, rows, strict=True):
-            reader = self._readers[row - self._nv]
-            apart = reader.owner.apart(placed, q)
-            into[:] = reader.owner.carried(placed, apart, *reader.gradient(apart))
+            into[:] = self._coordinates[row - self._nv].row(placed, q)
         return found
+
+
+def coordinates_of_ball(joint: Joint, in_q: int, in_v: int, words: Sequence[str]) -> list[Coordinate]:
+    """Make coordinates of a ball of the tree.
+
+    Parameters
+    ----------
+    joint
+        The ball.
+    in_q, in_v
+        Where its quaternion and its angular velocity begin [index].
+    words
+        Which: of `BALL`, or `TURNS`.
+
+    Returns
+    -------
+    list of Coordinate
+        One per word.
+    """
+    ball = _Ball(in_q, in_v)
+    return [Coordinate(ball, word, joint.kind, joint.axis, joint.axis) for word in words]
+
+
+def coordinates_of_loop(chain: ClosedChain, k: int, words: Sequence[str]) -> list[Coordinate]:
+    """Make coordinates of a joint that closes a loop.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    k
+        Number of the loop [index].
+    words
+        Which: of `loop_coordinates`, or `TURNS`.
+
+    Returns
+    -------
+    list of Coordinate
+        One per word.
+    """
+    table, loop = chain.loop_table, chain.loops[k]
+    frames = (
+        pin.SE3(table.rotation1[k], table.translation1[k]),
+        pin.SE3(table.rotation2[k], table.translation2[k]),
+    )
+    pair = _Pair(table.joint1[k], table.joint2[k], *frames, table.difference[k])
+    return [Coordinate(pair, word, loop.kind, loop.axis, loop.axis2) for word in words]
 
 
 class _Ball(NamedTuple):
@@ -153,8 +195,20 @@ def _placement(placed: PlacedJoints, joint: int) -> pin.SE3:
     return pin.SE3(placed.rotation[joint], placed.translation[joint])
 
 
-class _Reader:
-    """One coordinate of a ball of the tree, or of a loop."""
+class Coordinate:
+    """One coordinate of a ball of the tree, or of a loop.
+
+    Parameters
+    ----------
+    owner
+        Where it is read, and what moves it.
+    coordinate
+        Its word.
+    kind
+        Of the joint.
+    axis, axis2
+        (3,) unit vectors of the joint.
+    """
 
     def __init__(
         self, owner: _Ball | _Pair, coordinate: str, kind: JointKind, axis: FloatArray, axis2: FloatArray
@@ -165,7 +219,47 @@ class _Reader:
         )
         _, self.x, self.y = orthonormal_triad(axis)
 
-    def value(self, apart: pin.SE3) -> float:
+    @property
+    def is_angle(self) -> bool:
+        """Whether it is an angle."""
+        return self.coordinate not in ("length", "x", "y")
+
+    def at(self, placed: PlacedJoints, q: Configuration) -> float:
+        """Read it.
+
+        Parameters
+        ----------
+        placed
+            Placements of the joints.
+        q
+            (nq,) the configuration they belong to [m, rad, unit quaternions].
+
+        Returns
+        -------
+        float
+            A length or an angle, the latter from -π to π [m or rad].
+        """
+        return self._value(self.owner.apart(placed, q))
+
+    def row(self, placed: PlacedJoints, q: Configuration) -> FloatArray:
+        """Differentiate it along the tangent of the tree.
+
+        Parameters
+        ----------
+        placed
+            Placements of the joints, and their Jacobians.
+        q
+            (nq,) the configuration they belong to [m, rad, unit quaternions].
+
+        Returns
+        -------
+        numpy.ndarray
+            (nv,) rate per tangent velocity [m and rad per m or rad].
+        """
+        apart = self.owner.apart(placed, q)
+        return self.owner.carried(placed, apart, *self._gradient(apart))
+
+    def _value(self, apart: pin.SE3) -> float:
         rotation, t, a, b = apart.rotation, apart.translation, self.axis, self.axis2
         match self.coordinate:
             case "length":
@@ -185,9 +279,11 @@ class _Reader:
                 return _turn(b, rotation.T @ a, a)
             case "angle":
                 return _turn(a, self.x, rotation @ self.x)
+            case "turn x" | "turn y" | "turn z":
+                return float(pin.log3(rotation)["xyz".index(self.coordinate[-1])])
         raise self._unknown()
 
-    def gradient(self, apart: pin.SE3) -> tuple[FloatArray, FloatArray]:
+    def _gradient(self, apart: pin.SE3) -> tuple[FloatArray, FloatArray]:
         """(3,) and (3,) derivatives by the translation and the rotation of frame 2, in the axes of frame 1."""
         rotation, a, b, none = apart.rotation, self.axis, self.axis2, np.zeros(3)
         match self.coordinate:
@@ -210,6 +306,8 @@ class _Reader:
             case "angle":
                 turned = rotation @ self.x
                 return none, _cross(turned, _turned_by(a, turned))
+            case "turn x" | "turn y" | "turn z":
+                return none, np.eye(3)["xyz".index(self.coordinate[-1])]
         raise self._unknown()
 
     def _unknown(self) -> UnsupportedError:

@@ -366,7 +366,7 @@ def _outside(places: tuple[Place, ...], values: FloatArray) -> OutsideWrenches:
 
 
 def needed_efforts(state: State, a: Tangent, outside: OutsideWrenches | None) -> FloatArray:
-    """Compute what motors and loops have to give for an acceleration, M a + nle - Σ J_fᵀ w_f.
+    """Compute what motors and loops have to give for an acceleration, M a + nle - Σ J_fᵀ w_f - efforts of joints.
 
     Parameters
     ----------
@@ -383,7 +383,33 @@ def needed_efforts(state: State, a: Tangent, outside: OutsideWrenches | None) ->
         (nv,) [N, N m].
     """
     efforts = state.tree_efforts(a)
-    return efforts if outside is None else efforts - outside_efforts(state, outside)
+    given = given_efforts(state, outside, a)
+    return efforts if given is None else efforts - given
+
+
+def given_efforts(state: State, outside: OutsideWrenches | None, a: Tangent | None = None) -> Tangent | None:
+    """Compute the joint efforts that neither motors nor loops give: of wrenches, and of the joints themselves.
+
+    Parameters
+    ----------
+    state
+        The state.
+    outside
+        Wrenches, or None.
+    a
+        (nv,) acceleration, which tells what joints at rest do against dry friction; default: they stay [m/s², rad/s²].
+
+    Returns
+    -------
+    numpy.ndarray or None
+        (nv,) Σ J_fᵀ w_f + efforts of joints; None where there are none [N, N m].
+    """
+    effects = state.effects
+    pushed = None if outside is None else outside_efforts(state, outside)
+    if effects is None:
+        return pushed
+    own = effects.efforts(a)
+    return own if pushed is None else own + pushed
 
 
 def outside_efforts(state: State, outside: OutsideWrenches) -> FloatArray:

@@ -13,6 +13,7 @@ from scipy.linalg import get_lapack_funcs
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.state.freedom import Freedom, Motions, split_motions
+from stewart_pin.state.joint_effects import Effects
 from stewart_pin.state.loop_rows import (
     Drive,
     MovingLoops,
@@ -264,6 +265,11 @@ class State:
         """(nv, nv) Coriolis matrix C of the tree; the rate of M is C + Cᵀ [kg/s, kg m/s, kg m²/s]."""
         nv = self.chain.nv
         return np.reshape(self._by_pinocchio(pin.computeCoriolisMatrix, self.v), (nv, nv))
+
+    @once
+    def effects(self) -> Effects | None:
+        """What joints do by themselves: springs, damping, dry friction; None where they do nothing."""
+        return self.chain.joint_effects.in_state(self)
 
     def tree_efforts(self, a: Tangent) -> FloatArray:
         """Compute joint efforts of the tree with open loops, M a + nle.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -176,15 +175,11 @@ def test_rebuilt_chains_keep_their_rotors() -> None:
             assert amount == own.get(name, 0.0), name
 
 
-def test_what_has_no_place_for_rotors_says_so(tmp_path: Path) -> None:
+def test_what_has_no_place_for_rotors_says_so() -> None:
     chain = turning("stewart")
-    for ask in (
-        lambda: stp.hexapods.hexapod_bodies(chain),
-        lambda: stp.write_urdf(chain, tmp_path / "robot.urdf"),
+    with pytest.raises(
+        UnsupportedError, match=r"joint .* of stewart has armature .* take it away by with_joint"
     ):
-        with pytest.raises(
-            UnsupportedError, match=r"has no place for rotors, and joint .* set the armature to zero"
-        ):
-            ask()
+        stp.hexapods.hexapod_bodies(chain)
     kernels = stp.compile_kernels(chain, engine="numpy")
     assert kernels.report.route == "tree" and "has a rotor" in kernels.report.why_tree

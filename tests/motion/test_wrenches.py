@@ -299,11 +299,11 @@ def test_a_spin_without_inertia_is_not_pushed() -> None:
     along = chain.at(chain.q_home).pose.act(platform[0]) - base[0]
     push = {"leg1_upper": [0, 0, 0, *along]}
     given = {"duration": 0.01, "dt": 1e-3, "kernels": False}
-    with pytest.raises(InputError, match=r"motion leg1_z .1, and wrenches push it"):
+    with pytest.raises(InputError, match=r"motion leg1_z .1, and wrenches, springs or friction push it"):
         stp.simulate(chain, chain.q_home, rest, wrenches=push, **given)
     run = stp.simulate(chain, chain.q_home, rest, wrenches=lambda t, s: push if t > 0.004 else None, **given)
     assert not run.success
-    assert "and wrenches push it" in run.reason
+    assert "and wrenches, springs or friction push it" in run.reason
     assert run.time[-1] >= 0.003
 
 

@@ -26,7 +26,7 @@ from stewart_pin.mechanics.capability.polytope import Polytope
 from stewart_pin.mechanics.effort import hangs
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
-from stewart_pin.state.outside import Wrenches, as_wrenches, outside_efforts
+from stewart_pin.state.outside import Wrenches, as_wrenches, given_efforts
 from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import JACOBIAN_SINGULAR, SINGULAR, TAKES_PART
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
@@ -295,9 +295,9 @@ def wrench_polytope(
     weight = -freedom.motions[chain.motor_index].T @ middle
     if gravity:
         weight = weight + freedom.motions.T @ state.weight
-    outside = as_wrenches(chain, wrenches)
-    if outside is not None:
-        weight = weight - freedom.motions.T @ outside_efforts(state, outside)
+    given = given_efforts(State(chain, state.q), as_wrenches(chain, wrenches))
+    if given is not None:
+        weight = weight - freedom.motions.T @ given
     held, efforts = _inner_balance(state, space.share, motors, weight)
     to_platform = np.linalg.pinv(space.share.T)
     names = tuple(

@@ -330,11 +330,12 @@ class Push:
                 outside = as_wrenches(self._chain, asked_wrenches(self._function, t, state))
             if outside is None:
                 return None
+            pushed = outside_efforts(state, outside)
             if weightless:
-                require_idle_inertia(state, outside)
+                require_idle_inertia(state, pushed)
         except StewartPinError as error:
             raise WrenchFailure(f"the wrenches failed at {t:g} s: {error}") from error
-        return outside, outside_efforts(state, outside)
+        return outside, pushed
 
 
 # ----------------------------------------------------------------------------------------------------
