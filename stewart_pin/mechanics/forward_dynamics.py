@@ -240,6 +240,7 @@ def held_by(response: FloatArray, accelerations: FloatArray, limits: FloatArray)
         )
     share = np.clip(qp.results.x, -1.0, 1.0)
     # Again to round-off, with those that hold and those that slip as found.
+    exact = share
     for _ in range(count + 1):
         holds = np.abs(share) < 1.0 - _HELD
         exact = np.where(holds, 0.0, np.sign(share))
