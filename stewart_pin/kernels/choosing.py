@@ -18,6 +18,7 @@ from stewart_pin.errors import (
 )
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.kernels.kernels import Kernels, compile_kernels
+from stewart_pin.kernels.planning.joint_physics import fields_key
 from stewart_pin.model.description import Coupling, JointKind
 from stewart_pin.programs.arrays import SingleState
 from stewart_pin.programs.passes import prepare
@@ -42,7 +43,7 @@ def kernels_for(
 ) -> Kernels | None:
     """Compile kernels in platform coordinates, if there are enough states and they can be had.
 
-    Chains do not change, so the kernels of the last few are kept.
+    Chains do not change but for armature, damping and friction of their models: the kernels of the last few are kept.
 
     Parameters
     ----------
@@ -80,7 +81,7 @@ def kernels_for(
                 f"coupling '{counting.name}' counts whole turns, which a pose does not tell: a motion is followed "
                 "from state to state"
             )
-        return _compiled(chain, wrenches)
+        return _compiled(chain, fields_key(chain), wrenches)
     except (MissingExtraError, UnsupportedError):
         if wanted:
             raise
@@ -154,7 +155,7 @@ def simulation_kernels(
     if wanted is False or (wanted is None and calls < MANY_CALLS):
         return None
     try:
-        return _compiled_tree(chain, threading.get_ident())
+        return _compiled_tree(chain, fields_key(chain), threading.get_ident())
     except (MissingExtraError, UnsupportedError, ActuationError, SingularityError):
         if wanted:
             raise
@@ -179,29 +180,29 @@ def require_choice(wanted: bool | None) -> None:
 
 
 @lru_cache(maxsize=8)
-def _compiled_tree(chain: ClosedChain, thread: int) -> SimulationKernels:
+def _compiled_tree(chain: ClosedChain, fields: bytes, thread: int) -> SimulationKernels:
     # Their arguments have fixed places: one for each thread. An interpreter would be slower than Pinocchio.
     dtype = np.dtype(np.float64)
-    acceleration = SingleState(_tree_program(chain, "tree_forward_dynamics"), (), dtype, "llvm")
+    acceleration = SingleState(_tree_program(chain, fields, "tree_forward_dynamics"), (), dtype, "llvm")
     if not chain.nc:
         return SimulationKernels(acceleration, None)
     bounds = [StateBound("before", upper=_NEARLY_CLOSED), StateBound("left", upper=CLOSED)]
-    projection = SingleState(_tree_program(chain, "tree_projection"), bounds, dtype, "llvm")
+    projection = SingleState(_tree_program(chain, fields, "tree_projection"), bounds, dtype, "llvm")
     return SimulationKernels(acceleration, projection)
 
 
 @lru_cache(maxsize=16)
-def _tree_program(chain: ClosedChain, name: str) -> Program:
-    return prepare(program_from_casadi(_tree_kernels(chain).casadi(name)))
+def _tree_program(chain: ClosedChain, fields: bytes, name: str) -> Program:
+    return prepare(program_from_casadi(_tree_kernels(chain, fields).casadi(name)))
 
 
 @lru_cache(maxsize=8)
-def _tree_kernels(chain: ClosedChain) -> Kernels:
+def _tree_kernels(chain: ClosedChain, fields: bytes) -> Kernels:
     return compile_kernels(chain, coordinates="tree")
 
 
 @lru_cache(maxsize=8)
-def _compiled(chain: ClosedChain, wrenches: tuple[str, ...]) -> Kernels:
+def _compiled(chain: ClosedChain, fields: bytes, wrenches: tuple[str, ...]) -> Kernels:
     return compile_kernels(chain, wrenches=wrenches)
 
 

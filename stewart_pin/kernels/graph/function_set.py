@@ -45,6 +45,7 @@ from stewart_pin.kernels.graph.verbs import (
     tree_push,
 )
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree
+from stewart_pin.kernels.planning.joint_physics import FIELDS, require_passive_joints
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.planning.samples import (
     closed_samples,
@@ -117,7 +118,10 @@ class FunctionSet:
         elif coordinates == "motor":
             chain.require_motors()
         outside_places(chain, wrenches)
+        require_passive_joints(chain)
         self.chain = chain
+        self._fields = {field: getattr(chain.model, field) for field in FIELDS}  # the model's own memory
+        self._then = {field: values.tobytes() for field, values in self._fields.items()}
         self.wrenches = tuple(wrenches)
         self._around = around
         self.coordinates: Coordinates = coordinates
@@ -130,6 +134,24 @@ class FunctionSet:
 
     def __del__(self) -> None:
         drop(self)
+
+    def require_same_joints(self) -> None:
+        """Refuse to answer for joints as they are no more: armature, damping and friction of a model may be set.
+
+        Raises
+        ------
+        UnsupportedError
+            Naming the joint, the field and both values.
+        """
+        for field, values in self._fields.items():
+            if values.tobytes() == self._then[field]:
+                continue
+            then = np.frombuffer(self._then[field])
+            for k in np.flatnonzero(values != then):
+                raise UnsupportedError(
+                    f"{field} of '{self.chain.tangent_names[k]}' was {then[k]:g} when the kernels of "
+                    f"{self.chain.name} were compiled and is {values[k]:g} now; compile them again"
+                )
 
     def _begin(self) -> None:
         chain, coordinates, around = self.chain, self.coordinates, self._around

@@ -132,7 +132,10 @@ class Caller:
         ------
         InputError
             If there is no such function.
+        UnsupportedError
+            If armature, damping or friction of the model have been changed since.
         """
+        self._functions.require_same_joints()
         if name not in self._written:
             with writing():
                 if name not in self._written:
@@ -528,6 +531,7 @@ class Caller:
 
     def _kernel(self, name: str, *, graded: bool = False, wary: bool = False) -> ArrayKernel:
         """Compile a function, at first use; graded: with its conditioning as the last output; wary: see `judged`."""
+        self._functions.require_same_joints()
         if (name, graded, wary) not in self._kernels:
             with writing():
                 if (name, graded, wary) not in self._kernels:
