@@ -162,6 +162,37 @@ def unfold_screw(
     return Unfolded(whole.links, whole.joints, (thread,), whole.note)
 
 
+def close_by_screw(screw: Loop, lead: float) -> tuple[Unfolded, Loop]:
+    """Let a screw close a loop: it hangs on link 1, carries a link without inertia, and link 2 is held by that.
+
+    Only so does its turn count, whole turns too: a loop has no coordinate.
+
+    Parameters
+    ----------
+    screw
+        The screw as the cylindrical joint that it is but for its thread.
+    lead
+        Travel along the axis per whole turn, positive for a right-hand thread [m].
+
+    Returns
+    -------
+    row : Unfolded
+        A revolute joint of the screw's name and a prismatic one, coupled; the link at their end is ``name_end``.
+    loop : Loop
+        Holds that link at link 2, and is called ``name_end``.
+    """
+    end = f"{screw.name}_end"
+    row = unfold_screw(screw.name, screw.link1, end, screw.placement1, screw.axis, lead)
+    loop = Loop(end, JointKind.FIXED, end, screw.link2, pin.SE3.Identity(), screw.placement2)
+    turn, slide = (joint.name for joint in row.joints)
+    text = (
+        f"screw that closes a loop unfolded into '{turn}' and '{slide}', at whose end loop '{end}' holds "
+        f"'{screw.link2}'"
+    )
+    note = Note(row.note.subject, text, Outcome.CHANGED)
+    return Unfolded((*row.links, Link(end)), row.joints, row.couplings, note), loop
+
+
 def _row(
     name: str,
     kind: str,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.errors import FileFormatError
 from stewart_pin.model.description import JointKind, Outcome
+from stewart_pin.typing import FloatArray
 from tests.model.sdf_reading import CLOSINGS, four_bar, read, standing
-from tests.small_sdf import BODY, HOLD, TWO, axis2, joint, link, write
+from tests.small_sdf import BODY, HOLD, TWO, axis2, joint, link, sdf, write
 
 R, P, S = JointKind.REVOLUTE, JointKind.PRISMATIC, JointKind.SPHERICAL
 
@@ -84,8 +84,69 @@ def test_a_screw_stays_in_the_tree(tmp_path: Path) -> None:
     screw = joint("k", "a", "b", "screw", content="<screw_thread_pitch>0.1</screw_thread_pitch>")
     mechanism = read(tmp_path, *TWO, HOLD, joint("j", "a", "b"), screw)
     assert [loop.name for loop in mechanism.loops] == ["j"]
-    with pytest.raises(FileFormatError, match=r"'k' cannot close a loop: it is a screw.*must_be_loop_joint"):
-        read(tmp_path, *TWO, HOLD, screw.replace('"k"', '"j"'), screw)
+
+
+LIFT = (
+    link("column", "0 0 0 0 0 0"),
+    joint("hold", "world", "column", "fixed", xyz=""),
+    link("torso", "0.1 0 0.4 0 0 0"),
+    link("spindle", "0.2 0 0.3 0 0 0"),
+    joint("lift", "column", "torso", "prismatic", axis="<limit><effort>9</effort></limit>"),
+    joint("spin", "column", "spindle", axis="<limit><effort>0</effort></limit>"),
+)
+THREADS = {"screw_thread_pitch": ("0.05", -0.05 / (2 * np.pi)), "thread_pitch": ("100", 1 / 100)}
+"""The torso rises by so much per turn of the spindle, which turns and travels against it [m/rad]: by hand."""
+
+
+def lift_by_hand(travel: float) -> str:
+    inertial = (
+        '<inertial><origin xyz="0.1 -0.2 0.3" rpy="0.2 -0.1 0.4"/><mass value="2"/>'
+        '<inertia ixx="0.5" iyy="0.6" izz="0.7" ixy="0.01" ixz="-0.02" iyz="0.03"/></inertial>'
+    )
+    places = {"lift": ("torso", "prismatic", "0.1 0 0.4"), "spin": ("spindle", "continuous", "0.2 0 0.3")}
+    joints = "".join(
+        f'<link name="{child}">{inertial}</link><joint name="{name}" type="{kind}"><parent link="column"/>'
+        f'<child link="{child}"/><origin xyz="{xyz}"/><axis xyz="0 0 1"/></joint>'
+        for name, (child, kind, xyz) in places.items()
+    )
+    mimic = f'<mimic joint="spin" multiplier="{travel!r}"/></joint><link name="spindle">'
+    return f'<robot name="lift"><link name="column"/>{joints}</robot>'.replace(
+        '</joint><link name="spindle">', mimic
+    )
+
+
+@pytest.mark.parametrize("word", THREADS)
+@pytest.mark.parametrize("mark", [False, True])
+def test_a_screw_closes_a_loop(tmp_path: Path, word: str, *, mark: bool) -> None:
+    """Two screws end at one spindle, or the file asks for it: as the lift by hand, whose slide follows the spindle."""
+    text, travel = THREADS[word]
+    asked = (
+        "<physics><simbody><must_be_loop_joint>true</must_be_loop_joint></simbody></physics>" if mark else ""
+    )
+    screw = joint("k", "torso", "spindle", "screw", content=f"<{word}>{text}</{word}>{asked}")
+    twin = "" if mark else screw.replace('"k"', '"m"')
+    chain = stp.load(write(tmp_path, sdf(*LIFT, screw, twin)), motors=["lift"], platform="spindle")
+    by_hand = stp.load(
+        write(tmp_path, lift_by_hand(travel), "lift.urdf"), motors=["lift"], platform="spindle"
+    )
+    assert "screw that closes a loop unfolded into" in str(chain.report)
+    assert stp.mobility(chain).dof == stp.mobility(by_hand).dof == 1
+    ours, theirs = (raised(c, 15 * travel) for c in (chain, by_hand))
+    np.testing.assert_allclose(ours, theirs, rtol=1e-9)
+
+
+def raised(chain: stp.ClosedChain, rise: float) -> FloatArray:
+    """Accelerate the torso after more than two turns of the spindle; return how both move, and what the motor does."""
+    q = stp.forward_kinematics(chain, [rise]).q
+    J_c = stp.loop_jacobian(chain, q)
+    (v,) = np.linalg.svd(J_c).Vh[np.linalg.matrix_rank(J_c) :]
+    lift = chain.model.idx_vs[chain.model.getJointId("lift")]
+    v *= 0.7 / v[lift]
+    a = stp.forward_dynamics(chain, q, v, [0.3]).a
+    by_pinocchio = stp.inverse_dynamics(chain, q, v, a).tau_motor
+    by_rows = stp.inverse_dynamics(chain, q, v, a, method="constraint_matrix").tau_motor
+    turn = stp.platform_pose(chain, q).rotation[:2, 0]
+    return np.concatenate([turn, [a[lift]], by_pinocchio, by_rows])
 
 
 def test_the_file_may_choose_the_joint_that_closes_a_loop(tmp_path: Path) -> None:

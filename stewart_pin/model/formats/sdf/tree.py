@@ -42,6 +42,7 @@ from stewart_pin.model.formats.sdf.joints import (
 from stewart_pin.model.formats.sdf.words import WORDS
 from stewart_pin.model.unfolding import (
     Unfolded,
+    close_by_screw,
     cut_second_parents,
     unfold_cylindrical,
     unfold_planar,
@@ -161,7 +162,7 @@ def grow_tree(
         if joint.name in kept:
             _hang(tree, joint, size * _SAME_PLACE, joint.name in motors)
         else:
-            tree.loops.append(_close(joint, source))
+            _close(tree, joint, source, is_motor=joint.name in motors)
     for joint in marked:
         text = "<must_be_loop_joint>: closes a loop"
         tree.notes.append(Note(f"joint '{joint.name}'", text, Outcome.CHANGED))
@@ -217,29 +218,36 @@ def _cut(
     needed: Collection[str],
     source: str,
 ) -> set[str]:
-    """Choose the joints of the tree; those that must keep their coordinate pass for motors."""
-    cut_last = [
-        Joint(
+    """Choose the joints of the tree; those that must keep their coordinate pass for motors, screws where they can."""
+    screws = {joint.name for joint in hanging if joint.lead}
+    cut_last = {
+        joint.name: Joint(
             joint.name,
             joint.kind,
             joint.parent,
             joint.child,
             joint.in_parent,
-            independent=joint.name in needed or joint.lead != 0.0 or _leans(joint, source),
+            independent=joint.name in needed or joint.name in screws or _leans(joint, source),
         )
         for joint in hanging
-    ]
-    try:
-        kept, _, notes = cut_second_parents([*grounded, *cut_last], source=source)
-    except MechanismError as error:
-        raise FileFormatError(
-            f"link '{next(joint.child for joint in hanging if joint.name == error.culprit)}' has several parents, and "
-            f"joint '{error.culprit}' cannot close a loop: it is a screw, has axes that are not at right angles, is a "
-            "motor, or a gearbox or <mimic> needs its position; mark another joint of the loop with "
-            "<physics><simbody><must_be_loop_joint>true</must_be_loop_joint></simbody></physics>",
-            path=source,
-            culprit=error.culprit,
-        ) from None
+    }
+    while True:
+        try:
+            kept, _, notes = cut_second_parents([*grounded, *cut_last.values()], source=source)
+            break
+        except MechanismError as error:
+            # A screw keeps its turn where it closes a loop, but two joints more stand for it than in the tree.
+            if error.culprit in screws and cut_last[error.culprit].independent:
+                cut_last[error.culprit] = replace(cut_last[error.culprit], independent=False)
+                continue
+            raise FileFormatError(
+                f"link '{cut_last[error.culprit].child}' has several parents, and joint '{error.culprit}' cannot close "
+                "a loop: it has axes that are not at right angles, is a motor, or a gearbox or <mimic> needs its "
+                "position; mark another joint of the loop with "
+                "<physics><simbody><must_be_loop_joint>true</must_be_loop_joint></simbody></physics>",
+                path=source,
+                culprit=error.culprit,
+            ) from None
     tree.notes += notes
     return {joint.name for joint in kept}
 
@@ -257,17 +265,25 @@ def _leans(joint: SdfJoint, source: str) -> bool:
     return lean > PRINTED and lean > _LEANING * printed_precision(Path(source)).angle
 
 
-def _close(joint: SdfJoint, source: str) -> Loop:
-    if joint.lead != 0.0 or _leans(joint, source):
-        fault = ": its axes are not at right angles" if _leans(joint, source) else ""
+def _close(tree: SdfTree, joint: SdfJoint, source: str, *, is_motor: bool = False) -> None:
+    """Close a loop by a joint; a screw stays a joint, at whose end the loop is closed."""
+    if _leans(joint, source):
         raise FileFormatError(
-            f"joint '{joint.name}' of type '{joint.written}' cannot close a loop{fault}; take its "
-            "<must_be_loop_joint> off, and mark another joint of the loop",
+            f"joint '{joint.name}' of type '{joint.written}' cannot close a loop: its axes are not at right angles; "
+            "take its <must_be_loop_joint> off, and mark another joint of the loop",
             path=source,
             culprit=joint.name,
         )
     in_parent = joint.in_parent if joint.position is None else joint.in_parent * joint.rest.inverse()
     loop = Loop(joint.name, joint.kind, joint.parent, joint.child, in_parent, joint.in_child)
+    if joint.lead:
+        screw = replace(loop, axis=joint.axes[0].direction)
+        row, loop = close_by_screw(screw, joint.lead)
+        _add_row(tree, row, joint, is_motor)
+    tree.loops.append(loop if joint.lead else _with_axes(loop, joint))
+
+
+def _with_axes(loop: Loop, joint: SdfJoint) -> Loop:
     readings = joint.readings
     match joint.axes:
         case [only]:
@@ -322,7 +338,12 @@ def _hang(tree: SdfTree, joint: SdfJoint, near: float, is_motor: bool) -> None:
         return
     if joint.kind is JointKind.UNIVERSAL:
         axes = [joint.rest.rotation @ axes[0], axes[1]]
-    row = _row(joint, child, placement, axes)
+    _add_row(tree, _row(joint, child, placement, axes), joint, is_motor)
+
+
+def _add_row(tree: SdfTree, row: Unfolded, joint: SdfJoint, is_motor: bool) -> None:
+    """Add the joints in a row that stand for one of the file, with its limits and readings."""
+    readings = joint.readings
     parts = list(row.joints)
     for number, axis in enumerate(joint.axes):
         if joint.kind is not JointKind.PLANAR:
