@@ -9,7 +9,7 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.model.description import JointKind, Outcome
-from stewart_pin.typing import FloatArray
+from tests.model.lifts import THREADS, lift_by_hand, raised
 from tests.model.sdf_reading import CLOSINGS, four_bar, read, standing
 from tests.small_sdf import BODY, HOLD, TWO, axis2, joint, link, sdf, write
 
@@ -94,25 +94,6 @@ LIFT = (
     joint("lift", "column", "torso", "prismatic", axis="<limit><effort>9</effort></limit>"),
     joint("spin", "column", "spindle", axis="<limit><effort>0</effort></limit>"),
 )
-THREADS = {"screw_thread_pitch": ("0.05", -0.05 / (2 * np.pi)), "thread_pitch": ("100", 1 / 100)}
-"""The torso rises by so much per turn of the spindle, which turns and travels against it [m/rad]: by hand."""
-
-
-def lift_by_hand(travel: float) -> str:
-    inertial = (
-        '<inertial><origin xyz="0.1 -0.2 0.3" rpy="0.2 -0.1 0.4"/><mass value="2"/>'
-        '<inertia ixx="0.5" iyy="0.6" izz="0.7" ixy="0.01" ixz="-0.02" iyz="0.03"/></inertial>'
-    )
-    places = {"lift": ("torso", "prismatic", "0.1 0 0.4"), "spin": ("spindle", "continuous", "0.2 0 0.3")}
-    joints = "".join(
-        f'<link name="{child}">{inertial}</link><joint name="{name}" type="{kind}"><parent link="column"/>'
-        f'<child link="{child}"/><origin xyz="{xyz}"/><axis xyz="0 0 1"/></joint>'
-        for name, (child, kind, xyz) in places.items()
-    )
-    mimic = f'<mimic joint="spin" multiplier="{travel!r}"/></joint><link name="spindle">'
-    return f'<robot name="lift"><link name="column"/>{joints}</robot>'.replace(
-        '</joint><link name="spindle">', mimic
-    )
 
 
 @pytest.mark.parametrize("word", THREADS)
@@ -133,20 +114,6 @@ def test_a_screw_closes_a_loop(tmp_path: Path, word: str, *, mark: bool) -> None
     assert stp.mobility(chain).dof == stp.mobility(by_hand).dof == 1
     ours, theirs = (raised(c, 15 * travel) for c in (chain, by_hand))
     np.testing.assert_allclose(ours, theirs, rtol=1e-9)
-
-
-def raised(chain: stp.ClosedChain, rise: float) -> FloatArray:
-    """Accelerate the torso after more than two turns of the spindle; return how both move, and what the motor does."""
-    q = stp.forward_kinematics(chain, [rise]).q
-    J_c = stp.loop_jacobian(chain, q)
-    (v,) = np.linalg.svd(J_c).Vh[np.linalg.matrix_rank(J_c) :]
-    lift = chain.model.idx_vs[chain.model.getJointId("lift")]
-    v *= 0.7 / v[lift]
-    a = stp.forward_dynamics(chain, q, v, [0.3]).a
-    by_pinocchio = stp.inverse_dynamics(chain, q, v, a).tau_motor
-    by_rows = stp.inverse_dynamics(chain, q, v, a, method="constraint_matrix").tau_motor
-    turn = stp.platform_pose(chain, q).rotation[:2, 0]
-    return np.concatenate([turn, [a[lift]], by_pinocchio, by_rows])
 
 
 def test_the_file_may_choose_the_joint_that_closes_a_loop(tmp_path: Path) -> None:

@@ -522,15 +522,35 @@ def relative_at_zero(mechanism: Mechanism, link1: str, link2: str, owner: str) -
     FileFormatError
         If a link is missing.
     """
+    require_links(mechanism, (link1, link2), owner)
+    return placement_at_zero(mechanism, link1).actInv(placement_at_zero(mechanism, link2))
+
+
+def require_links(mechanism: Mechanism, links: Collection[str], owner: str) -> None:
+    """Refuse names of links that are not there.
+
+    Parameters
+    ----------
+    mechanism
+        What has been read so far.
+    links
+        Names of links.
+    owner
+        Named in the message.
+
+    Raises
+    ------
+    FileFormatError
+        If a link is missing.
+    """
     names = {link.name for link in mechanism.links}
-    for link in (link1, link2):
+    for link in links:
         if link not in names:
             raise FileFormatError(
                 f"{owner} names the missing link '{link}'; the links are: {', '.join(sorted(names))}",
                 path=mechanism.source,
                 culprit=owner,
             )
-    return placement_at_zero(mechanism, link1).actInv(placement_at_zero(mechanism, link2))
 
 
 def upward(mechanism: Mechanism, link: str) -> list[Joint]:

@@ -1,37 +1,41 @@
-"""Joints of Gazebo inside a URDF: ``<gazebo><joint>``, in SDFormat's words, closes a loop of the URDF's tree.
+"""Joints and links of Gazebo inside a URDF: ``<gazebo><joint>`` and ``<gazebo><link>``, in SDFormat's words.
 
-Gazebo puts the pose of such a joint into the child link. Where the joint sits in the parent follows from how the two
-links lie while all joints are at zero, which is the pose in which Gazebo puts the robot together.
+Gazebo makes SDFormat of the URDF and puts these elements into it. A joint closes a loop of the URDF's tree. Its pose is
+one in the child link; where it sits in the parent follows from how the two links lie while all joints are at zero, the
+pose in which Gazebo puts the robot together. A link stands in the frame of the root link; the first joint between it
+and a link of the tree hangs it there, from the other side where the link is the parent. Screws count whole turns by
+joints of their own; a gearbox couples two joints of the tree.
 
 References
 ----------
 .. [1] Gazebo documentation, "Kinematic loops"; SDFormat documentation, "SDFormat extensions to URDF".
+.. [2] Open Robotics, "SDFormat Specification", ``<joint>``: thread_pitch, screw_thread_pitch, gearbox_ratio.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
 from math import inf
+from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.geometry.rotations import rotation_from_rpy
-from stewart_pin.model.description import Bounds, JointKind, Loop, Mechanism, Note, Outcome
-from stewart_pin.model.formats.dialect import AT_ZERO, Dialect, Parts, relative_at_zero
+from stewart_pin.model.description import Coupling, Joint, Link, Mechanism, Note, Outcome
+from stewart_pin.model.formats.dialect import AT_ZERO, Dialect, Parts, placement_at_zero, require_links
 from stewart_pin.model.formats.dialects.mimic import couple, take_mimic_plugins
+from stewart_pin.model.formats.sdf.couplings import Gearbox, is_gearbox, mesh
+from stewart_pin.model.formats.sdf.elements import SdfReader
+from stewart_pin.model.formats.sdf.joints import AXES, GEARBOX, KINDS, Axis, SdfJoint, read_lead
+from stewart_pin.model.formats.sdf.mechanism import read_link
+from stewart_pin.model.formats.sdf.tree import SAME_PLACE, SdfTree, close, hang
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.words import Strange, Words
 from stewart_pin.typing import FloatArray
 
-_TYPES = {
-    "revolute": JointKind.REVOLUTE,
-    "continuous": JointKind.REVOLUTE,
-    "prismatic": JointKind.PRISMATIC,
-    "ball": JointKind.SPHERICAL,
-    "fixed": JointKind.FIXED,
-    "universal": JointKind.UNIVERSAL,
-}
 _FAR = 1e16
 """SDFormat's number for no limit."""
 _NO_COORDINATE = "a joint that closes a loop has no coordinate"
@@ -42,14 +46,18 @@ _AXIS = Words(
 )
 _TEXT = Words(text=True)
 _SETTINGS = "simulator settings"
+_THREADS = ("thread_pitch", "screw_thread_pitch")
+_GEARS = ("gearbox_ratio", "gearbox_reference_body")
 _WORDS = {
-    "robot/gazebo": Words(("reference",), ("joint", "plugin"), strange=Strange.NOTED, told_by_reader=True),
+    "robot/gazebo": Words(
+        ("reference",), ("joint", "link", "plugin"), strange=Strange.NOTED, told_by_reader=True
+    ),
     "gazebo/joint": Words(
         ("name", "type"),
-        ("parent", "child", "pose", "axis", "axis2"),
+        ("parent", "child", "pose", "axis", "axis2", *_THREADS, *_GEARS),
         {"physics": _SETTINGS, "sensor": _SETTINGS},
     ),
-    **{f"gazebo/joint/{tag}": _TEXT for tag in ("parent", "child", "pose")},
+    **{f"gazebo/joint/{tag}": _TEXT for tag in ("parent", "child", "pose", *_THREADS, *_GEARS)},
     "gazebo/joint/axis": _AXIS,
     "gazebo/joint/axis2": _AXIS,
     **{
@@ -69,46 +77,28 @@ _WORDS = {
 }
 
 
+_NO_WEIGHT = "gravity is off for this link in Gazebo, and stays on here; load(gravity=...) sets it for all"
+
+
 def _read(reader: UrdfElements, element: etree._Element) -> Parts:
-    joints = [] if element.get("reference") else element.findall("joint")
-    for joint in joints:
-        element.remove(joint)
+    """Read a ``<gazebo>``; the first one reads the links and joints of all, which belong together."""
+    bodies = _take_bodies(reader)
     couplings = take_mimic_plugins(reader, element)
     if _floats(element):
-        reader.note(
-            f"<gazebo reference='{element.get('reference')}'>",
-            "gravity is off for this link in Gazebo, and stays on here; load(gravity=...) sets it for all",
-        )
-    if len(element) or not (joints or couplings):
+        reader.note(f"<gazebo reference='{element.get('reference')}'>", _NO_WEIGHT)
+    if len(element):
         reader.ignore(element, "the file")
-    joints = [joint for joint in joints if not _on_left_out(reader, joint)]
-    loops = [_read_joint(reader, joint) for joint in joints]
-    in_model = {
-        (joint.get("name"), tag)
-        for joint in joints
-        for tag in ("axis", "axis2")
-        if _in_model_frame(reader, joint, tag)
-    }
 
     def placed(mechanism: Mechanism) -> Parts:
-        found: list[Loop] = []
-        for loop in loops:
-            relative = relative_at_zero(mechanism, loop.link1, loop.link2, f"joint '{loop.name}' of <gazebo>")
-            turned = {
-                tag: _from_model(mechanism, loop, tag)
-                for tag in ("axis", "axis2")
-                if (loop.name, tag) in in_model
-            }
-            found.append(replace(loop, placement1=relative * loop.placement2, **turned))
-        notes = tuple(Note(f"loop '{loop.name}'", AT_ZERO, Outcome.CHANGED) for loop in found)
+        found = _placed(reader, mechanism, bodies)
         coupled = [couple(mechanism, coupling) for coupling in couplings]
-        return Parts(
-            loops=tuple(found),
-            couplings=tuple(coupling for each in coupled for coupling in each.couplings),
-            notes=notes + tuple(note for each in coupled for note in each.notes),
+        return replace(
+            found,
+            couplings=found.couplings + tuple(coupling for each in coupled for coupling in each.couplings),
+            notes=found.notes + tuple(note for each in coupled for note in each.notes),
         )
 
-    return Parts(later=placed if loops or couplings else None)
+    return Parts(links=bodies.links, later=placed if bodies.joints or bodies.gears or couplings else None)
 
 
 def _on_left_out(reader: UrdfElements, joint: etree._Element) -> bool:
@@ -138,59 +128,134 @@ def _floats(element: etree._Element) -> bool:
     return words["turnGravityOff"] in ("true", "1") or words["gravity"] in ("false", "0")
 
 
-def _read_joint(reader: UrdfElements, element: etree._Element) -> Loop:
+# ----------------------------------------------------------------------------------------------------
+# What stands in the file
+# ----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Bodies:
+    """Links and joints of all ``<gazebo>`` of a file; joints lie at the origin of their parent so far."""
+
+    links: tuple[Link, ...]
+    poses: dict[str, pin.SE3]
+    joints: tuple[SdfJoint, ...]
+    gears: tuple[etree._Element, ...]
+    in_model: frozenset[tuple[str, int]]
+    """Axes that are written in the frame of the model: name of the joint, and which."""
+
+
+def _take_bodies(reader: UrdfElements) -> _Bodies:
+    """Take links and joints out of all ``<gazebo>`` of a file; a second call finds none left."""
+    plain = [each for each in reader.root.iterfind("gazebo") if not each.get("reference")]
+    found = {tag: [child for each in plain for child in each.iterfind(tag)] for tag in ("link", "joint")}
+    for child in (*found["link"], *found["joint"]):
+        parent = child.getparent()
+        if parent is not None:
+            parent.remove(child)
+    elements = [joint for joint in found["joint"] if not _on_left_out(reader, joint)]
+    elements, alone = _on_the_robot(reader, elements, [link.get("name", "") for link in found["link"]])
+    sdf = SdfReader(Path(reader.path), reader.notes)
+    links: list[Link] = []
+    poses: dict[str, pin.SE3] = {}
+    for element in found["link"]:
+        if (name := sdf.name(element)) in alone:
+            continue
+        owner = f"link '{name}' of <gazebo>"
+        links.append(read_link(sdf, element, name))
+        poses[name], frame = sdf.pose(element, owner)
+        if frame not in ("", "__model__"):
+            raise reader.error(
+                f"{owner}: <pose relative_to='{frame}'> (line {element.sourceline}); write the pose in the frame of "
+                "the model, which is that of the root link",
+                owner,
+            )
+        if not sdf.flag(element, "gravity", owner, default=True):
+            reader.note(owner, _NO_WEIGHT)
+    gears = tuple(joint for joint in elements if is_gearbox(joint))
+    plain_joints = [joint for joint in elements if not is_gearbox(joint)]
+    in_model = {
+        (joint.get("name", ""), number)
+        for joint in plain_joints
+        for number, tag in enumerate(("axis", "axis2"))
+        if _in_model_frame(reader, joint, tag)
+    }
+    joints = tuple(_read_joint(reader, sdf, joint) for joint in plain_joints)
+    return _Bodies(tuple(links), poses, joints, gears, frozenset(in_model))
+
+
+def _on_the_robot(
+    reader: UrdfElements, joints: list[etree._Element], links: list[str]
+) -> tuple[list[etree._Element], set[str]]:
+    """Leave out links that no joint leads to from the robot, bodies of their own in Gazebo, and their joints."""
+    ends = [{(joint.findtext(end) or "").strip() for end in ("parent", "child")} for joint in joints]
+    alone = set(links)
+    while True:
+        reached = {link for pair in ends if pair - alone for link in pair & alone}
+        if not reached:
+            break
+        alone -= reached
+    for name in links:
+        if name in alone:
+            told = "no joint of <gazebo> holds it on the robot: a body of its own in Gazebo, left out"
+            reader.note(f"link '{name}' of <gazebo>", told)
+    kept = [joint for joint, pair in zip(joints, ends, strict=True) if not pair & alone]
+    return kept, alone
+
+
+def _read_joint(reader: UrdfElements, sdf: SdfReader, element: etree._Element) -> SdfJoint:
     name = reader.text(element, "name", "a <gazebo><joint>")
     owner = f"joint '{name}' of <gazebo>"
     written = reader.text(element, "type", owner)
-    if written not in _TYPES:
-        raise reader.error(f"{owner} has the type '{written}'; supported: {', '.join(_TYPES)}", owner)
-    kind = _TYPES[written]
+    if written not in KINDS:
+        raise reader.error(
+            f"{owner} has the type '{written}'; supported: {', '.join([*KINDS, GEARBOX])}", owner
+        )
+    kind = KINDS[written]
+    needless = {"screw": _GEARS}.get(written, (*_THREADS, *_GEARS))
+    for tag in needless:
+        if element.find(tag) is not None:
+            reader.note(owner, f"<{tag}>: a joint of type '{written}' has none")
     parent, child = (reader.content(reader.child(element, tag, owner), owner) for tag in ("parent", "child"))
+    return SdfJoint(
+        name,
+        written,
+        kind,
+        parent,
+        child,
+        pin.SE3.Identity(),
+        _pose(reader, element, owner),
+        axes=tuple(_axis_and_limits(reader, element, tag, owner) for tag in AXES.get(kind, ())),
+        lead=read_lead(sdf, element, owner) if written == "screw" else 0.0,
+    )
+
+
+def _pose(reader: UrdfElements, element: etree._Element, owner: str) -> pin.SE3:
     pose = reader.optional(element, "pose", owner)
-    placement = pin.SE3.Identity()
-    if pose is not None:
-        numbers = reader.parse(reader.content(pose, owner), 6, f"{owner}: <pose>", owner)
-        placement = pin.SE3(rotation_from_rpy(*numbers[3:]), numbers[:3])
-    loop = Loop(name, kind, parent, child, pin.SE3.Identity(), placement)
-    if kind is JointKind.UNIVERSAL:
-        return replace(
-            loop,
-            axis=_axis(reader, element, "axis", owner),
-            axis2=_axis(reader, element, "axis2", owner),
-            bounds=_bounds(reader, element, ("axis", "axis2"), owner),
-        )
-    if kind in (JointKind.REVOLUTE, JointKind.PRISMATIC):
-        return replace(
-            loop,
-            axis=_axis(reader, element, "axis", owner),
-            bounds=_bounds(reader, element, ("axis",), owner),
-        )
-    return loop
+    if pose is None:
+        return pin.SE3.Identity()
+    numbers = reader.parse(reader.content(pose, owner), 6, f"{owner}: <pose>", owner)
+    return pin.SE3(rotation_from_rpy(*numbers[3:]), numbers[:3])
 
 
-def _bounds(
-    reader: UrdfElements, joint: etree._Element, tags: tuple[str, ...], owner: str
-) -> tuple[Bounds, ...]:
-    """Read what the coordinates may do; they are zero where all joints are, as the frames are placed."""
-    found: list[Bounds] = []
-    for tag in tags:
-        limit = reader.optional(reader.child(joint, tag, owner), "limit", owner)
-        if limit is None:
-            found.append(Bounds())
-            continue
-        lower, upper, velocity = (
-            default
-            if (child := reader.optional(limit, tag, owner)) is None
-            else float(reader.parse(reader.content(child, owner), 1, f"{owner}: <{tag}>", owner)[0])
-            for tag, default in (("lower", -inf), ("upper", inf), ("velocity", -1.0))
-        )
-        found.append(
-            Bounds(
-                position=(-inf if lower <= -_FAR else lower, inf if upper >= _FAR else upper),
-                velocity=(-velocity, velocity) if 0 < velocity < _FAR else (-inf, inf),
-            )
-        )
-    return tuple(found) if any(each != Bounds() for each in found) else ()
+def _axis_and_limits(reader: UrdfElements, joint: etree._Element, tag: str, owner: str) -> Axis:
+    """Read an axis and what its coordinate may do, which is zero where all joints are."""
+    axis = Axis(_axis(reader, joint, tag, owner))
+    limit = reader.optional(reader.child(joint, tag, owner), "limit", owner)
+    if limit is None:
+        return axis
+    lower, upper, velocity = (
+        default
+        if (child := reader.optional(limit, key, owner)) is None
+        else float(reader.parse(reader.content(child, owner), 1, f"{owner}: <{key}>", owner)[0])
+        for key, default in (("lower", -inf), ("upper", inf), ("velocity", -1.0))
+    )
+    return replace(
+        axis,
+        lower=-inf if lower <= -_FAR else lower,
+        upper=inf if upper >= _FAR else upper,
+        velocity=velocity if 0 < velocity < _FAR else inf,
+    )
 
 
 def _in_model_frame(reader: UrdfElements, joint: etree._Element, tag: str) -> bool:
@@ -206,23 +271,133 @@ def _in_model_frame(reader: UrdfElements, joint: etree._Element, tag: str) -> bo
     return word in ("1", "true")
 
 
-def _from_model(mechanism: Mechanism, loop: Loop, tag: str) -> FloatArray:
-    """Turn an axis from the model's frame, that of the root link, into the joint's, all joints at zero."""
-    children = {joint.child for joint in mechanism.joints}
-    root = next(link.name for link in mechanism.links if link.name not in children)
-    owner = f"joint '{loop.name}' of <gazebo>"
-    frame = (
-        loop.placement2
-        if loop.link2 == root
-        else relative_at_zero(mechanism, root, loop.link2, owner) * loop.placement2
-    )
-    return frame.rotation.T @ getattr(loop, tag)
-
-
 def _axis(reader: UrdfElements, joint: etree._Element, tag: str, owner: str) -> FloatArray:
     axis = reader.child(joint, tag, owner)
     xyz = reader.child(axis, "xyz", owner)
     return reader.direction(reader.content(xyz, owner), f"{owner}: <{tag}>", owner)
+
+
+# ----------------------------------------------------------------------------------------------------
+# Where it belongs in the mechanism
+# ----------------------------------------------------------------------------------------------------
+
+
+def _placed(reader: UrdfElements, mechanism: Mechanism, bodies: _Bodies) -> Parts:
+    """Hang the links, close loops by all other joints, and couple by gearboxes."""
+
+    def pose_of(link: str) -> pin.SE3:
+        return bodies.poses[link] if link in bodies.poses else placement_at_zero(mechanism, link)
+
+    tree = SdfTree()
+    joints = [_between(mechanism, joint, bodies, pose_of) for joint in bodies.joints]
+    size = max((float(np.linalg.norm(pose.translation)) for pose in bodies.poses.values()), default=1.0)
+    waiting = set(bodies.poses)
+    hung: list[SdfJoint] = []
+    while waiting:
+        joint = next(each for each in joints if len({each.parent, each.child} & waiting) == 1)
+        joints.remove(joint)
+        hung.append(_reversed(joint) if joint.parent in waiting else joint)
+        waiting.discard(hung[-1].child)
+        hang(tree, hung[-1], size * SAME_PLACE, False)
+        told = f"hangs link '{hung[-1].child}' of <gazebo> on '{hung[-1].parent}'"
+        tree.notes.append(Note(f"joint '{joint.name}' of <gazebo>", told, Outcome.CHANGED))
+    taken = {joint.name for joint in (*mechanism.joints, *tree.joints)}
+    for joint in joints:
+        close(tree, _renamed(tree, joint, taken), mechanism.source)
+    turning = [_as_sdf(joint) for joint in mechanism.joints] + hung
+    sdf = SdfReader(Path(reader.path), tree.notes)
+    meshed = [_mesh(reader, sdf, gear, mechanism, turning, pose_of) for gear in bodies.gears]
+    at_zero = tuple(Note(f"loop '{loop.name}'", AT_ZERO, Outcome.CHANGED) for loop in tree.loops)
+    return Parts(
+        tuple(tree.links),
+        tuple(tree.joints),
+        tuple(tree.loops),
+        (*tree.couplings, *(coupling for coupling in meshed if coupling is not None)),
+        (*at_zero, *tree.notes),
+    )
+
+
+def _between(
+    mechanism: Mechanism, joint: SdfJoint, bodies: _Bodies, pose_of: Callable[[str], pin.SE3]
+) -> SdfJoint:
+    """Place a joint in both links as they lie at zero; the model's frame is that of the root link."""
+    require_links(mechanism, (joint.parent, joint.child), f"joint '{joint.name}' of <gazebo>")
+    in_world = pose_of(joint.child) * joint.in_child
+    axes = [
+        replace(axis, direction=in_world.rotation.T @ axis.direction)
+        if (joint.name, number) in bodies.in_model
+        else axis
+        for number, axis in enumerate(joint.axes)
+    ]
+    return replace(joint, in_parent=pose_of(joint.parent).actInv(in_world), axes=tuple(axes))
+
+
+def _reversed(joint: SdfJoint) -> SdfJoint:
+    """Let parent and child change places: R = exp(a α) exp(b β), so that Rᵀ = exp(-b β) exp(-a α)."""
+    axes = tuple(replace(axis, direction=-axis.direction) for axis in reversed(joint.axes))
+    return replace(
+        joint,
+        parent=joint.child,
+        child=joint.parent,
+        in_parent=joint.in_child,
+        in_child=joint.in_parent,
+        axes=axes,
+    )
+
+
+def _renamed(tree: SdfTree, joint: SdfJoint, taken: Collection[str]) -> SdfJoint:
+    """Call a joint otherwise whose name a joint of the tree has."""
+    if joint.name not in taken:
+        return joint
+    name = f"{joint.name}_of_gazebo"
+    told = f"a joint of the URDF is called so, too: called '{name}' here"
+    tree.notes.append(Note(f"joint '{joint.name}' of <gazebo>", told, Outcome.CHANGED))
+    return replace(joint, name=name)
+
+
+def _as_sdf(joint: Joint) -> SdfJoint:
+    axes = (Axis(joint.axis),) if joint.has_axis else ()
+    return SdfJoint(
+        joint.name,
+        joint.kind,
+        joint.kind,
+        joint.parent,
+        joint.child,
+        joint.placement,
+        pin.SE3.Identity(),
+        axes,
+    )
+
+
+def _mesh(
+    reader: UrdfElements,
+    sdf: SdfReader,
+    element: etree._Element,
+    mechanism: Mechanism,
+    joints: list[SdfJoint],
+    pose_of: Callable[[str], pin.SE3],
+) -> Coupling | None:
+    name = reader.text(element, "name", "a <gazebo><joint>")
+    owner = f"joint '{name}' of <gazebo>"
+    for tag in _THREADS:
+        if element.find(tag) is not None:
+            sdf.note(owner, f"<{tag}>: a joint of type '{GEARBOX}' has none")
+    parent, child, body = (
+        reader.content(reader.child(element, tag, owner), owner)
+        for tag in ("parent", "child", "gearbox_reference_body")
+    )
+    require_links(mechanism, (parent, child, body), owner)
+    in_world = pose_of(child) * _pose(reader, element, owner)
+    axis1, axis2 = (
+        axis if _in_model_frame(reader, element, tag) else in_world.rotation @ axis
+        for tag in ("axis", "axis2")
+        for axis in (_axis(reader, element, tag, owner),)
+    )
+    told = reader.optional(element, "gearbox_ratio", owner)
+    text = "1" if told is None else reader.content(told, owner)
+    ratio = float(reader.parse(text, 1, f"{owner}: <gearbox_ratio>", owner)[0])
+    gearbox = Gearbox(name, owner, parent, child, body, axis1, axis2, ratio)
+    return mesh(gearbox, joints, pose_of, sdf)
 
 
 DIALECT = Dialect("gazebo", "Gazebo <gazebo>", {"robot/gazebo": _read}, _WORDS)

@@ -12,7 +12,7 @@ from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Bounds, JointKind, Outcome, Span, loop_coordinates
-from stewart_pin.model.formats.sdf.elements import OWN_LIMIT, SPANS, direction, own
+from stewart_pin.model.formats.sdf.elements import OWN_LIMIT, SPANS, SdfReader, direction, own
 from stewart_pin.model.formats.sdf.frames import MODEL, WORLD, Scope, coordinates_between, motion
 from stewart_pin.model.formats.sdf.words import WORDS
 from stewart_pin.model.formats.xml import shown_tag
@@ -207,7 +207,7 @@ def _follow(scope: Scope, joint: etree._Element, axis: etree._Element, tag: str,
 
 # ----------------------------------------------------------------------------------------------------
 
-_KINDS = {
+KINDS = {
     "fixed": JointKind.FIXED,
     "revolute": JointKind.REVOLUTE,
     "continuous": JointKind.REVOLUTE,
@@ -218,12 +218,14 @@ _KINDS = {
     # Turn and slide along one axis, which the thread couples.
     "screw": JointKind.CYLINDRICAL,
 }
-_AXES = {
+"""What a type leaves free."""
+AXES = {
     JointKind.REVOLUTE: ("axis",),
     JointKind.PRISMATIC: ("axis",),
     JointKind.CYLINDRICAL: ("axis",),
     JointKind.UNIVERSAL: ("axis", "axis2"),
 }
+"""Axes that a kind has."""
 GEARBOX = "gearbox"
 _POSE = 7
 """Numbers of a placement: a point and a quaternion."""
@@ -339,13 +341,13 @@ def read_joint(scope: Scope, element: etree._Element) -> SdfJoint:
     name = scope.prefix + reader.name(element)
     owner = f"joint '{name}'"
     written = reader.text(element, "type", owner).lower()
-    if written not in _KINDS:
+    if written not in KINDS:
         raise UnsupportedError(
             f"{reader.path}: {owner} (line {element.sourceline}) has the type '{written}'; supported: "
-            f"{', '.join([*sorted(_KINDS), GEARBOX])}"
+            f"{', '.join([*sorted(KINDS), GEARBOX])}"
         )
-    kind = _KINDS[written]
-    tags = _AXES.get(kind, ())
+    kind = KINDS[written]
+    tags = AXES.get(kind, ())
     reader.note_strangers(element, owner, WORDS["joint"])
     for tag in ("axis", "axis2"):
         if tag not in tags and reader.children(element, tag):
@@ -363,7 +365,7 @@ def read_joint(scope: Scope, element: etree._Element) -> SdfJoint:
         axes=tuple(
             read_axis(scope, element, tag, placement, owner, endless=written == "continuous") for tag in tags
         ),
-        lead=_lead(scope, element, owner) if written == "screw" else 0.0,
+        lead=read_lead(scope.reader, element, owner) if written == "screw" else 0.0,
         must_close=_must_close(scope, element, owner),
         own_names=_own_names(scope, element, name),
         is_driven=None
@@ -509,9 +511,28 @@ def joint_frame(scope: Scope, element: etree._Element, child: str, owner: str) -
     return in_world, link_pose(scope, child).inverse() * in_world
 
 
-def _lead(scope: Scope, element: etree._Element, owner: str) -> float:
-    """Read the travel per turn: the old ``thread_pitch`` is in rad/m, positive for a left-hand thread."""
-    reader = scope.reader
+def read_lead(reader: SdfReader, element: etree._Element, owner: str) -> float:
+    """Read the travel of a screw per turn: the old ``thread_pitch`` is in rad/m, positive for a left-hand thread.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+    element
+        The joint.
+    owner
+        The joint, for messages.
+
+    Returns
+    -------
+    float
+        Travel of the child along the axis, positive for a right-hand thread [m].
+
+    Raises
+    ------
+    FileFormatError
+        If it has no thread, or one of no lead.
+    """
     if reader.children(element, "screw_thread_pitch"):
         return reader.number(element, "screw_thread_pitch", owner)
     if not reader.children(element, "thread_pitch"):

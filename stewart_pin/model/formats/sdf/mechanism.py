@@ -28,11 +28,12 @@ from stewart_pin.model.formats.dialects.drake import (
     told_of_bushing,
 )
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
+from stewart_pin.model.formats.sdf.couplings import is_gearbox, read_gearbox, read_mimics
 from stewart_pin.model.formats.sdf.elements import SdfReader, held_model, own
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope
 from stewart_pin.model.formats.sdf.joints import Axis, SdfJoint, ends, link_pose, read_joint
 from stewart_pin.model.formats.sdf.models import open_document
-from stewart_pin.model.formats.sdf.tree import Float, grow_tree, is_gearbox, read_gearbox, read_mimics
+from stewart_pin.model.formats.sdf.tree import Float, grow_tree
 from stewart_pin.model.formats.sdf.words import SHAPE_TAGS, WORDS
 from stewart_pin.model.formats.xml import INERTIA_ENTRIES, shown_tag
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, fault_of_sizes
@@ -102,8 +103,8 @@ def read_sdf(path: Path) -> Mechanism:
     couplings: list[Coupling] = []
     for scope in holders:
         for element in scope.reader.children(scope.element, "joint"):
-            if is_gearbox(element):
-                couplings.append(read_gearbox(scope, element, joints))
+            if is_gearbox(element) and (coupling := read_gearbox(scope, element, joints)) is not None:
+                couplings.append(coupling)
     couplings += read_mimics(model, joints)
     motors = _driven(model, joints)
     tree = grow_tree(
@@ -200,8 +201,36 @@ def _own_links(scope: Scope) -> list[str]:
 
 
 def _link(scope: Scope, element: etree._Element, weightless: list[str], floating: set[str]) -> Link:
-    reader = scope.reader
-    name = scope.prefix + reader.name(element)
+    name, reader = scope.prefix + scope.reader.name(element), scope.reader
+    if not reader.flag(element, "gravity", f"link '{name}'", default=True):
+        weightless.append(name)
+    if reader.flag(element, "must_be_base_link", f"link '{name}'"):
+        floating.add(name)
+    return read_link(reader, element, name)
+
+
+def read_link(reader: SdfReader, element: etree._Element, name: str) -> Link:
+    """Read a link: its body and its shapes.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+    element
+        The ``<link>``.
+    name
+        Its full name.
+
+    Returns
+    -------
+    Link
+        In its own frame; where that stands, and whether gravity acts on it, is asked elsewhere.
+
+    Raises
+    ------
+    UnsupportedError
+        If something outside the model moves it.
+    """
     owner = f"link '{name}'"
     reader.note_strangers(element, owner, WORDS["link"])
     if reader.flag(element, "kinematic", owner):
@@ -209,10 +238,6 @@ def _link(scope: Scope, element: etree._Element, weightless: list[str], floating
             f"{reader.path}: {owner} (line {element.sourceline}) is <kinematic>: something outside the model moves it; "
             "remove the element, or the link"
         )
-    if not reader.flag(element, "gravity", owner, default=True):
-        weightless.append(name)
-    if reader.flag(element, "must_be_base_link", owner):
-        floating.add(name)
     itself = ("__link__", reader.name(element))
     visuals, collisions = (read_shapes(reader, element, tag, owner, itself) for tag in SHAPE_TAGS)
     is_body = reader.flag(element, own("body")[0], owner, default=True, attribute=True)

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from lxml import etree
 
 from stewart_pin.errors import FileFormatError, MechanismError
 from stewart_pin.model.description import (
@@ -29,17 +28,8 @@ from stewart_pin.model.description import (
     loop_coordinates,
 )
 from stewart_pin.model.formats.precision import printed_precision
-from stewart_pin.model.formats.sdf.frames import WORLD, Scope, motion
-from stewart_pin.model.formats.sdf.joints import (
-    GEARBOX,
-    Axis,
-    SdfJoint,
-    axis_direction,
-    ends,
-    joint_frame,
-    link_pose,
-)
-from stewart_pin.model.formats.sdf.words import WORDS
+from stewart_pin.model.formats.sdf.frames import WORLD, motion
+from stewart_pin.model.formats.sdf.joints import Axis, SdfJoint
 from stewart_pin.model.unfolding import (
     Unfolded,
     close_by_screw,
@@ -52,7 +42,7 @@ from stewart_pin.model.unfolding import (
 from stewart_pin.tolerances import PRINTED
 from stewart_pin.typing import FloatArray
 
-_SAME_PLACE = 1e-14
+SAME_PLACE = 1e-14
 """Distance, in sizes of the robot, and entry of a rotation below which two frames are one."""
 
 
@@ -160,9 +150,9 @@ def grow_tree(
     kept = _cut(tree, grounded, hanging, {*needed, *motors}, source)
     for joint in joints:
         if joint.name in kept:
-            _hang(tree, joint, size * _SAME_PLACE, joint.name in motors)
+            hang(tree, joint, size * SAME_PLACE, joint.name in motors)
         else:
-            _close(tree, joint, source, is_motor=joint.name in motors)
+            close(tree, joint, source, is_motor=joint.name in motors)
     for joint in marked:
         text = "<must_be_loop_joint>: closes a loop"
         tree.notes.append(Note(f"joint '{joint.name}'", text, Outcome.CHANGED))
@@ -265,12 +255,29 @@ def _leans(joint: SdfJoint, source: str) -> bool:
     return lean > PRINTED and lean > _LEANING * printed_precision(Path(source)).angle
 
 
-def _close(tree: SdfTree, joint: SdfJoint, source: str, *, is_motor: bool = False) -> None:
-    """Close a loop by a joint; a screw stays a joint, at whose end the loop is closed."""
+def close(tree: SdfTree, joint: SdfJoint, source: str, *, is_motor: bool = False) -> None:
+    """Close a loop by a joint; a screw stays a joint, at whose end the loop is closed.
+
+    Parameters
+    ----------
+    tree
+        Takes the loop.
+    joint
+        Joint of the file.
+    source
+        The file, for messages.
+    is_motor
+        Whether a motor drives it; only a screw can be one.
+
+    Raises
+    ------
+    FileFormatError
+        If its axes are not at right angles.
+    """
     if _leans(joint, source):
         raise FileFormatError(
             f"joint '{joint.name}' of type '{joint.written}' cannot close a loop: its axes are not at right angles; "
-            "take its <must_be_loop_joint> off, and mark another joint of the loop",
+            "let another joint of the loop close it",
             path=source,
             culprit=joint.name,
         )
@@ -298,10 +305,22 @@ def _with_axes(loop: Loop, joint: SdfJoint) -> Loop:
     return loop if joint.ball_axis is None else replace(loop, axis=joint.ball_axis)
 
 
-def _hang(tree: SdfTree, joint: SdfJoint, near: float, is_motor: bool) -> None:
-    """Hang the child link on a joint of the tree."""
+def hang(tree: SdfTree, joint: SdfJoint, near: float, is_motor: bool) -> None:
+    """Hang the child link on a joint of the tree.
+
+    Parameters
+    ----------
+    tree
+        Takes the joint, and what stands for it.
+    joint
+        Joint of the file.
+    near
+        Distance below which two points are one [m].
+    is_motor
+        Whether a motor drives it.
+    """
     in_child, child = joint.in_child, joint.child
-    same_turn = bool(np.abs(in_child.rotation - np.eye(3)).max() <= _SAME_PLACE)
+    same_turn = bool(np.abs(in_child.rotation - np.eye(3)).max() <= SAME_PLACE)
     axes = [axis.direction for axis in joint.axes]
     lever = in_child.translation
     if joint.kind in (JointKind.REVOLUTE, JointKind.PRISMATIC):
@@ -400,177 +419,3 @@ def _ball(made: Joint, joint: SdfJoint) -> Joint:
     swing, turn = (joint.own_bounds.get(key, Bounds()).position[1] for key in loop_coordinates(joint.kind))
     axis = made.axis if joint.ball_axis is None else joint.ball_axis
     return replace(made, swing=swing, turn=turn, axis=axis)
-
-
-# ----------------------------------------------------------------------------------------------------
-# Couplings of SDFormat: gearboxes, and axes that mimic another one
-# ----------------------------------------------------------------------------------------------------
-
-_PARALLEL = 1e-6
-"""How far the axes of a gearbox and of its joints may deviate [rad²/2]: they are printed with few digits."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Wheel:
-    """A turn of one link against another about an axis: a joint, and the sign with which it counts."""
-
-    joint: SdfJoint
-    sign: float
-
-
-def read_gearbox(scope: Scope, element: etree._Element, joints: Sequence[SdfJoint]) -> Coupling:
-    """Read a joint of type ``gearbox``: it couples the turns of two links against a third one, and holds nothing else.
-
-    With θ1 the angle from the reference body to the parent about ``axis``, and θ2 that to the child about ``axis2``,
-    θ2 = -ratio θ1.
-
-    Parameters
-    ----------
-    scope
-        Model that holds it.
-    element
-        The joint.
-    joints
-        All other joints of the file.
-
-    Returns
-    -------
-    Coupling
-        Of the gearbox's name, between two revolute joints.
-
-    Raises
-    ------
-    FileFormatError
-        If the two links do not turn against the reference body by one revolute joint each.
-    """
-    reader = scope.reader
-    name = scope.prefix + reader.name(element)
-    owner = f"joint '{name}'"
-    reader.note_strangers(element, owner, WORDS["joint of type gearbox"])
-    for tag in ("axis", "axis2"):
-        for axis in reader.children(element, tag):
-            reader.note_strangers(axis, owner, WORDS["axis of a gearbox"])
-    parent, child = ends(scope, element, owner)
-    body = scope.body(reader.content(element, "gearbox_reference_body", owner), owner)
-    ratio = reader.number(element, "gearbox_ratio", owner, "1")
-    placement, _ = joint_frame(scope, element, child, owner)
-    wheels: list[_Wheel] = []
-    for tag, link in (("axis", parent), ("axis2", child)):
-        axis = axis_direction(scope, reader.child(element, tag, owner), placement, owner)
-        wheel = _wheel(scope, joints, body, link, placement.rotation @ axis)
-        if wheel is None:
-            raise reader.error(
-                f"{owner} (line {element.sourceline}) is a gearbox between '{parent}' and '{child}' on '{body}', but "
-                f"no revolute joint about its <{tag}> joins '{body}' and '{link}'; add that joint",
-                owner,
-            )
-        wheels.append(wheel)
-    first, second = wheels
-    if first.joint is second.joint:
-        raise reader.error(f"{owner} couples joint '{first.joint.name}' to itself", owner)
-    reader.note(
-        owner,
-        "gearbox: a coupling of two joints, which holds nothing else",
-        Outcome.KEPT,
-    )
-    factor = -ratio * first.sign * second.sign
-    constant = _reading(second.joint, 0) - factor * _reading(first.joint, 0)
-    return Coupling(name, second.joint.name, first.joint.name, (constant, factor))
-
-
-def is_gearbox(element: etree._Element) -> bool:
-    """Tell whether a joint is a gearbox.
-
-    Parameters
-    ----------
-    element
-        The joint.
-
-    Returns
-    -------
-    bool
-        Whether it couples two other joints.
-    """
-    return element.get("type", "").lower() == GEARBOX
-
-
-def read_mimics(scope: Scope, joints: Sequence[SdfJoint]) -> list[Coupling]:
-    """Make couplings of the axes that follow others.
-
-    Parameters
-    ----------
-    scope
-        The outermost model, for errors.
-    joints
-        All joints of the file.
-
-    Returns
-    -------
-    list of Coupling
-        One per axis that follows.
-
-    Raises
-    ------
-    FileFormatError
-        If an axis follows one that is missing, or itself.
-    """
-    named = {joint.name: joint for joint in joints}
-    couplings: list[Coupling] = []
-    for joint in joints:
-        for number, axis in enumerate(joint.axes):
-            if axis.follow is None:
-                continue
-            rule, owner = axis.follow, f"joint '{joint.name}'"
-            leader = named.get(rule.leader)
-            at = 1 if rule.leader_axis == "axis2" else 0
-            if leader is None or at >= len(leader.axes):
-                raise scope.reader.error(
-                    f"{owner} mimics the {rule.leader_axis} of joint '{rule.leader}', which does not exist; it may "
-                    f"follow: {', '.join(other.name for other in joints if other.axes and other is not joint)}",
-                    owner,
-                )
-            follower, followed = coordinate(joint, number), coordinate(leader, at)
-            if follower == followed:
-                raise scope.reader.error(f"{owner} mimics itself; name another joint", owner)
-            scope.reader.note(owner, "<mimic>: a coupling", Outcome.KEPT)
-            constant = rule.offset - rule.multiplier * rule.reference
-            # Between what both read, of which the file counts from rest.
-            zeros = [_reading(joint, number), _reading(leader, at)]
-            constant += zeros[0] - rule.multiplier * zeros[1]
-            name = rule.name or f"{follower}_mimic"
-            couplings.append(Coupling(name, follower, followed, (constant, rule.multiplier)))
-    return couplings
-
-
-def _reading(joint: SdfJoint, number: int) -> float:
-    return float(joint.readings[number]) if len(joint.readings) > number else 0.0
-
-
-def coordinate(joint: SdfJoint, number: int) -> str:
-    """Name the one-freedom joint that stands for an axis.
-
-    Parameters
-    ----------
-    joint
-        Joint of the file.
-    number
-        0 for its ``axis``, 1 for its ``axis2``.
-
-    Returns
-    -------
-    str
-        The joint's own name, or one of the parts of a joint with two axes.
-    """
-    return joint.name if len(joint.axes) == 1 else f"{joint.name}_{number + 1}"
-
-
-def _wheel(scope: Scope, joints: Sequence[SdfJoint], body: str, link: str, axis: FloatArray) -> _Wheel | None:
-    for joint in joints:
-        if joint.kind is not JointKind.REVOLUTE or {joint.parent, joint.child} != {body, link}:
-            continue
-        own = link_pose(scope, joint.parent).rotation @ joint.in_parent.rotation @ joint.axes[0].direction
-        along = float(own @ axis)
-        if 1 - abs(along) < _PARALLEL:
-            outwards = 1.0 if joint.parent == body else -1.0
-            return _Wheel(joint, outwards * float(np.sign(along)))
-    return None
