@@ -27,7 +27,7 @@ from stewart_pin.model.loop_rows import closure_rows
 from stewart_pin.model.sizes import length_scale
 from stewart_pin.model.tree import build_tree
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.joint_coordinates import _Ball, _Reader
+from stewart_pin.state.joint_coordinates import Coordinate, _Ball
 
 
 class Other(StrEnum):
@@ -99,8 +99,8 @@ def test_of_writers(write: Callable[[Mechanism, Path], object], tmp_path: Path) 
 
 
 def test_of_coordinates() -> None:
-    reader = _Reader(_Ball(0, 0), "slant", JointKind.SPHERICAL, np.eye(3)[2], np.eye(3)[1])
-    for ask in (reader.value, reader.gradient):
+    read = Coordinate(_Ball(0, 0), "slant", JointKind.SPHERICAL, np.eye(3)[2], np.eye(3)[1])
+    for ask in (read._value, read._gradient):
         with pytest.raises(UnsupportedError, match="nothing reads a coordinate 'slant' of a joint"):
             ask(ONE)
 
