@@ -48,7 +48,6 @@ from .mechanics.capability.limits import load_limit as load_limit
 from .mechanics.capability.limits import velocity_limits as velocity_limits
 from .mechanics.constraint_matrix.system import constraint_matrix_system as constraint_matrix_system
 from .mechanics.equilibrium import linearise as linearise
-from .mechanics.equilibrium import natural_frequencies as natural_frequencies
 from .mechanics.forward_dynamics import forward_dynamics as forward_dynamics
 from .mechanics.inverse_dynamics import inverse_dynamics as inverse_dynamics
 from .mechanics.kinematics import forward_kinematics as forward_kinematics
@@ -60,6 +59,7 @@ from .mechanics.kinematics import platform_pose as platform_pose
 from .mechanics.mobility import mobility as mobility
 from .mechanics.operational_dynamics import operational_dynamics as operational_dynamics
 from .mechanics.reactions import joint_reactions as joint_reactions
+from .mechanics.vibration import natural_frequencies as natural_frequencies
 from .motion.motor_demand import limits_exceeded as limits_exceeded
 from .motion.motor_demand import motor_demand as motor_demand
 from .motion.shake_table import fit_to_limits as fit_to_limits

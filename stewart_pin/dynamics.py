@@ -21,9 +21,12 @@ from stewart_pin.mechanics.derivatives import (
 from stewart_pin.mechanics.effort import Effort as Effort
 from stewart_pin.mechanics.effort import Motion as Motion
 from stewart_pin.mechanics.equilibrium import LinearSystem as LinearSystem
-from stewart_pin.mechanics.equilibrium import Vibration as Vibration
-from stewart_pin.mechanics.equilibrium import platform_stiffness as platform_stiffness
 from stewart_pin.mechanics.operational_dynamics import MotionMap as MotionMap
 from stewart_pin.mechanics.operational_dynamics import OperationalDynamics as OperationalDynamics
 from stewart_pin.mechanics.operational_dynamics import motion_map as motion_map
 from stewart_pin.mechanics.reactions import Reaction as Reaction
+from stewart_pin.mechanics.vibration import FrequencyResponse as FrequencyResponse
+from stewart_pin.mechanics.vibration import Vibration as Vibration
+from stewart_pin.mechanics.vibration import frequency_response as frequency_response
+from stewart_pin.mechanics.vibration import platform_compliance as platform_compliance
+from stewart_pin.mechanics.vibration import platform_stiffness as platform_stiffness

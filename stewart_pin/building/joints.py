@@ -245,6 +245,34 @@ def with_joint_physics(
     return changed
 
 
+def without_dry_friction(chain: ClosedChain) -> ClosedChain:
+    """Take dry friction away, which has no slope at rest.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    ClosedChain
+        The chain itself where none of its joints has any.
+    """
+    fields_, mechanism = read_fields(chain.model), chain.mechanism
+    rubs = fields_["friction"].any() or any(own.friction for loop in mechanism.loops for own in loop.physics)
+    if not rubs:
+        return chain
+    model = chain.model.copy()
+    write_fields(model, fields_ | {"friction": np.zeros(chain.nv)})
+    loops = tuple(
+        replace(loop, physics=tuple(replace(own, friction=0.0) for own in loop.physics))
+        for loop in mechanism.loops
+    )
+    changed = replace(chain, mechanism=replace(mechanism, loops=loops), model=model)
+    vars(changed)["generic"] = chain.generic
+    return changed
+
+
 def _with_physics(mechanism: Mechanism, name: str, own: JointPhysics | Mapping[str, Any] | None) -> Mechanism:
     """Change what one joint does by itself along one coordinate."""
     for joint in mechanism.joints:

@@ -224,6 +224,8 @@ def leg_form(chain: ClosedChain, form: Literal["leg_lengths", "leg_efforts", "po
     LegForm or None
         None where the general way has to answer.
     """
+    if form != "leg_lengths" and chain.joint_effects.present:
+        return None  # whenever they came: fields of the model may be set by hand
     found = admission(chain, form)
     return found.geometry if found.admitted and isinstance(found.geometry, LegForm) else None
 

@@ -159,7 +159,8 @@ def motor_efforts(state: State, a: Tangent, outside: OutsideWrenches | None = No
 def _by_drive(state: State, drive: Drive, a: Tangent, outside: OutsideWrenches | None) -> Effort:
     """Solve [J_c; S]ᵀ [λ; τ] = M a + nle - Σ J_fᵀ w_f - efforts of joints, regular and square."""
     chain, scale = state.chain, state.chain.tangent_scale
-    needed = needed_efforts(state, a, outside) * scale
+    plain = outside is None and state.effects is None
+    needed = (state.tree_efforts(a) if plain else needed_efforts(state, a, outside)) * scale
     reactions, motors = drive.carry(needed)
     left = needed - reactions @ state.rows
     left[chain.motor_index] -= motors

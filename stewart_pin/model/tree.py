@@ -25,7 +25,7 @@ from stewart_pin.model.description import (
     loop_coordinates,
     unknown_kind,
 )
-from stewart_pin.model.joint_physics import set_joint_physics
+from stewart_pin.model.joint_physics import NO_PHYSICS, set_joint_physics
 from stewart_pin.typing import ArrayLike, BoolArray, FloatArray
 
 _AXES = np.eye(3)
@@ -76,7 +76,8 @@ def build_tree(mechanism: Mechanism, gravity: ArrayLike) -> pin.Model:
         frame = _add_body(model, joint.child, carrier, placement, frame, inertias[joint.child])
         stack += [(below, carrier, placement, frame) for below in reversed(children[joint.child])]
     model = model if unit == 1.0 else with_masses_in(model, 1 / unit)
-    set_joint_physics(model, mechanism)
+    if any(joint.physics is not NO_PHYSICS for joint in mechanism.joints):
+        set_joint_physics(model, mechanism)
     return model
 
 

@@ -13,6 +13,7 @@ from stewart_pin.errors import MechanismError
 from stewart_pin.model.description import (
     LOOP_KINDS,
     TREE_KINDS,
+    Joint,
     JointKind,
     Link,
     Loop,
@@ -22,7 +23,7 @@ from stewart_pin.model.description import (
     loop_coordinates,
     physics_coordinates,
 )
-from stewart_pin.model.joint_physics import JointPhysics
+from stewart_pin.model.joint_physics import NO_PHYSICS, JointPhysics
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9
@@ -166,22 +167,8 @@ class _Validator:
                     raise self._error(
                         joint.name, f"joint '{joint.name}' has the {what} limit {shown}; it is a number >= 0"
                     )
-            self._physics(f"joint '{joint.name}'", joint.name, joint.physics)
-            if joint.physics and joint.kind is JointKind.FIXED:
-                raise self._error(
-                    joint.name,
-                    f"joint '{joint.name}' is fixed and has {joint.physics}; a joint that does not move has none",
-                )
-            ball = joint.kind is JointKind.SPHERICAL
-            if not joint.has_axis and (
-                joint.physics.force
-                or (joint.physics.pushes and not ball)
-                or joint.physics.rest
-                or len(joint.physics.stiffness) > 1
-            ):
-                raise self._error(
-                    joint.name, _without_coordinate("joint", joint.name, joint.kind, joint.physics)
-                )
+            if joint.physics is not NO_PHYSICS:
+                self._joint_physics(joint)
             if joint.independent and not joint.has_axis:
                 raise self._error(
                     joint.name,
@@ -192,6 +179,22 @@ class _Validator:
     def _physics(self, owner: str, culprit: str, physics: JointPhysics) -> None:
         if fault := physics.fault():
             raise self._error(culprit, f"{owner}: {fault}")
+
+    def _joint_physics(self, joint: Joint) -> None:
+        self._physics(f"joint '{joint.name}'", joint.name, joint.physics)
+        if joint.physics and joint.kind is JointKind.FIXED:
+            raise self._error(
+                joint.name,
+                f"joint '{joint.name}' is fixed and has {joint.physics}; a joint that does not move has none",
+            )
+        ball = joint.kind is JointKind.SPHERICAL
+        if not joint.has_axis and (
+            joint.physics.force
+            or (joint.physics.pushes and not ball)
+            or joint.physics.rest
+            or len(joint.physics.stiffness) > 1
+        ):
+            raise self._error(joint.name, _without_coordinate("joint", joint.name, joint.kind, joint.physics))
 
     def _loop_physics(self, loop: Loop) -> None:
         own = physics_coordinates(loop.kind)

@@ -139,10 +139,18 @@ class JointEffects:
         self.own_springs = _springs([physics for _, physics in pairs])
         self.own_damping = np.array([physics.damping for _, physics in pairs])
         self.own_friction = np.array([physics.friction for _, physics in pairs])
+        self.pushes = bool(self.in_v.size or self.coordinates)
         # Angles of loops are known up to whole turns: displacements are taken to the nearest.
         self.own_angles = np.array([each.is_angle for each in self.coordinates], dtype=bool)
 
-    def in_state(self, state: State) -> Effects | None:
+    @property
+    def present(self) -> bool:
+        """Whether joints have rotors, springs, damping or friction, as the model stands."""
+        model = self._chain.model
+        fields = model.armature, model.damping, model.upperDryFrictionLimit
+        return self.pushes or any(field.any() for field in fields)
+
+    def in_state(self, state: State) -> Effects:
         """Tell what joints do in a state.
 
         Parameters
@@ -152,14 +160,11 @@ class JointEffects:
 
         Returns
         -------
-        Effects or None
-            None where they do nothing.
+        Effects
+            Their efforts.
         """
-        model = self._chain.model
-        damping, friction = model.damping, model.upperDryFrictionLimit
-        if not (self.in_v.size or self.coordinates or damping.any() or friction.any()):
-            return None
-        return Effects(self, state, np.array(damping), read_fields(model)["friction"])
+        fields = read_fields(self._chain.model)
+        return Effects(self, state, fields["damping"], fields["friction"])
 
     def elastic_energy(self, state: State) -> float:
         """Sum up the energy of springs and constant forces.
@@ -337,6 +342,22 @@ class Effects:
                 after, before = (self._own_efforts(_displaced(state, sign * step)) for sign in (1.0, -1.0))
                 by_q[:, k] += (after - before) / (2 * step[k])
         return by_q, by_v
+
+    def stiffness(self) -> FloatArray:
+        """Differentiate the efforts of springs along their own coordinates, as if these did not turn.
+
+        Returns
+        -------
+        numpy.ndarray
+            (nv, nv) what holds back, symmetric [N, N m per m, rad].
+        """
+        table, state = self._table, self._state
+        found = np.zeros((state.chain.nv, state.chain.nv))
+        found[table.in_v, table.in_v] = -table.springs.slopes(state.q[table.in_q])
+        if table.coordinates:
+            slopes = table.own_springs.slopes(table.positions(state))
+            found -= self.rows.T @ (slopes[:, None] * self.rows)
+        return found
 
     def _own_efforts(self, state: State) -> Tangent:
         """(nv,) efforts of balls and loops elsewhere, dry friction as it is here."""

@@ -269,7 +269,10 @@ class State:
     @once
     def effects(self) -> Effects | None:
         """What joints do by themselves: springs, damping, dry friction; None where they do nothing."""
-        return self.chain.joint_effects.in_state(self)
+        own, model = self.chain.joint_effects, self.chain.model
+        if not (own.pushes or model.damping.any() or model.upperDryFrictionLimit.any()):
+            return None
+        return own.in_state(self)
 
     def tree_efforts(self, a: Tangent) -> FloatArray:
         """Compute joint efforts of the tree with open loops, M a + nle.

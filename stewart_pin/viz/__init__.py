@@ -10,3 +10,5 @@ from stewart_pin.viz.scene import build_scene as build_scene
 from stewart_pin.viz.scene import plot_chain as plot_chain
 from stewart_pin.viz.scene import plot_scene as plot_scene
 from stewart_pin.viz.sweep_picture import plot_sweep as plot_sweep
+from stewart_pin.viz.vibration_pictures import plot_frequency_response as plot_frequency_response
+from stewart_pin.viz.vibration_pictures import plot_mode_shapes as plot_mode_shapes

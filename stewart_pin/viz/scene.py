@@ -25,7 +25,7 @@ from stewart_pin.viz.figures import new_figure
 
 _ACROSS = 4
 """Panels in a row."""
-_GROUND, _PLATFORM, _BODY, _MOTOR, _LOOP = "0.45", "C0", "0.2", "C3", "C2"
+_GROUND, _PLATFORM, _BODY, _MOTOR, _LOOP, _GHOST = "0.45", "C0", "0.2", "C3", "C2", "0.6"
 
 
 def plot_chain(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
@@ -62,10 +62,9 @@ def plot_chain(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
     figure = new_figure(*((3.2 * across, 3.0 * down + 0.4) if many else (6.4, 6.0)))
     axes = [figure.add_subplot(down, across, k + 1, projection="3d") for k in range(len(shown))]
     for axis, frames in zip(axes, shown, strict=True):
-        _draw(axis, chain, frames)
-    everything = np.vstack([_points(chain, frames) for frames in shown])
+        draw_chain(axis, chain, frames)
     for number, axis in enumerate(axes, start=1):
-        _frame(axis, everything, alone=not many)
+        frame_chains(axis, chain, shown, alone=not many)
         axis.set_title(f"{chain.name} {number}" if many else chain.name)
     handles, labels = axes[0].get_legend_handles_labels()
     unique = dict(zip(labels, handles, strict=True))
@@ -82,16 +81,44 @@ def _points(chain: ClosedChain, frames: dict[str, pin.SE3]) -> FloatArray:
     return np.vstack([np.array(frames[chain.platform or chain.mechanism.root].translation)[None], *held])
 
 
-def _draw(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
-    _draw_bodies(axis, chain, frames)
+def draw_chain(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3], *, ghost: bool = False) -> None:
+    """Draw bodies, joints and loops into axes.
+
+    Parameters
+    ----------
+    axis
+        Three-dimensional axes.
+    chain
+        Closed chain.
+    frames
+        Placements of its links, from `link_placements`.
+    ghost
+        Whether in pale lines, and bodies alone.
+    """
+    _draw_bodies(axis, chain, frames, ghost=ghost)
+    if ghost:
+        return
     _draw_joints(axis, chain, frames)
     _draw_loops(axis, chain, frames)
     if chain.platform is not None:
         _draw_platform(axis, chain, frames[chain.platform])
 
 
-def _frame(axis: Any, everything: FloatArray, *, alone: bool) -> None:
-    """Let a panel show all points, whatever it draws itself."""
+def frame_chains(axis: Any, chain: ClosedChain, shown: list[dict[str, pin.SE3]], *, alone: bool) -> None:
+    """Let axes show a chain wherever it stands in any of them, all to one scale and from one side.
+
+    Parameters
+    ----------
+    axis
+        Three-dimensional axes.
+    chain
+        Closed chain.
+    shown
+        Placements of its links, of every drawing.
+    alone
+        Whether there is one drawing only.
+    """
+    everything = np.vstack([_points(chain, frames) for frames in shown])
     low, high = everything.min(axis=0), everything.max(axis=0)
     extent = np.maximum(high - low, 0.15 * (high - low).max())
     for name, middle, size in zip("xyz", (low + high) / 2, extent, strict=True):
@@ -104,7 +131,7 @@ def _frame(axis: Any, everything: FloatArray, *, alone: bool) -> None:
     _view(axis, extent)
 
 
-def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
+def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3], *, ghost: bool) -> None:
     """Draw the outline of every link's points."""
     for link, local in body_points(chain).items():
         distinct = local @ frames[link].rotation.T + frames[link].translation
@@ -116,7 +143,10 @@ def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> N
         elif link == chain.platform:
             label, colour = "platform", _PLATFORM
         outline = _around(distinct)
-        axis.plot(*np.vstack([outline, outline[:1]]).T, color=colour, linewidth=2.2, label=label)
+        if ghost:
+            axis.plot(*np.vstack([outline, outline[:1]]).T, color=_GHOST, linewidth=1.2)
+        else:
+            axis.plot(*np.vstack([outline, outline[:1]]).T, color=colour, linewidth=2.2, label=label)
 
 
 def _draw_joints(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:

@@ -105,6 +105,7 @@ ANSWERS: dict[str, Callable[[stp.ClosedChain, Path], Any]] = {
     "on_floating_base": lambda c, f: stp.on_floating_base(c, base_inertia=PAYLOAD),
     "replace_inertias": lambda c, f: stp.build.replace_inertias(c, {}),
     "simulate": lambda c, f: stp.simulate(c, c.q_home, np.zeros(3), duration=0.02, dt=1e-3).q,
+    "with_joint_physics": lambda c, f: stp.with_joint_physics(c, {"a": {"damping": 2.0}}),
     "with_limits": lambda c, f: stp.with_limits(c, {"a": {"velocity": 2.0}}),
     "with_motors": lambda c, f: stp.with_motors(c, ["a"]),
     "with_platform": lambda c, f: stp.with_platform(c, "finger"),
@@ -144,6 +145,14 @@ MISSING: dict[str, tuple[str, Callable[[stp.ClosedChain], Any]]] = {
     "planar_rpr": ("platform", lambda c: stp.planar.planar_rpr(c)),
     "platform_motion": ("platform", lambda c: stp.platform_motion(c, ONE, TWO, TWO)),
     "platform_pose": ("platform", lambda c: stp.platform_pose(c, c.q_home)),
+    "frequency_response": (
+        "motors",
+        lambda c: stp.dynamics.frequency_response(c, c.q_home, frequency=[1.0], motor_stiffness=1.0),
+    ),
+    "platform_compliance": (
+        "motors",
+        lambda c: stp.dynamics.platform_compliance(c, c.q_home, motor_stiffness=1.0),
+    ),
     "platform_stiffness": (
         "motors",
         lambda c: stp.dynamics.platform_stiffness(c, c.q_home, motor_stiffness=1.0),

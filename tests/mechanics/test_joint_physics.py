@@ -164,7 +164,12 @@ def test_fields_of_the_model_count_and_are_carried_on() -> None:
     assert chain.at(chain.q_home, v).effects.efforts() == pytest.approx([-0.5, -2.0 * v[1], 0.0, 0.0])
     said = stp.with_joint_physics(chain, {"right_hip": {"force": 2.0}})
     assert said.mechanism.joint("left_knee").physics.damping == 2.0
-    assert stp.attach_payload(said, pin.Inertia(1.0, np.zeros(3), np.eye(3)), link="left_distal").model.damping[1] == 2.0
+    assert (
+        stp.attach_payload(said, pin.Inertia(1.0, np.zeros(3), np.eye(3)), link="left_distal").model.damping[
+            1
+        ]
+        == 2.0
+    )
     with pytest.raises(UnsupportedError, match="make both sides alike"):
         chain.model.lowerDryFrictionLimit = np.array([-0.1, 0.0, 0.0, 0.0])
         stp.inverse_dynamics(chain, chain.q_home, chain.rest, chain.rest)

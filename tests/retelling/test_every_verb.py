@@ -17,6 +17,7 @@ EXCEPTIONS = {
     "view": "a page in the browser",
     "viz.build_scene": "a picture",
     "viz.plot_chain": "a picture",
+    "viz.plot_mode_shapes": "a picture",
     "viz.plot_scene": "a picture",
     "viz.plot_singularity_map": "a picture",
 }

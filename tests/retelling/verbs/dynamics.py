@@ -119,11 +119,32 @@ def joint_reactions(t: Telling, c: Case) -> Answers:
     return answers
 
 
-@asks("platform_stiffness")
+@asks("platform_stiffness", "platform_compliance")
 def platform_stiffness(t: Telling, c: Case) -> Answers:
     stiffness = t.sizes(1e4 * c.effort * (1 + np.arange(c.chain.nu)))
-    found = stp.dynamics.platform_stiffness(t.chain, t.state(c.near)[0], motor_stiffness=stiffness)
-    return {"stiffness": t.twists(t.twists(found, 0), 1)}
+    state = t.state(c.near)[0]
+    soft = stp.dynamics.platform_compliance(t.chain, state, motor_stiffness=stiffness)
+    answers: Answers = {"compliance": t.twists(t.twists(soft, 0), 1)}
+    if (
+        c.chain.generic.count.platform == 6
+    ):  # of fewer freedoms the least wrench depends on the size of the robot
+        stiff = stp.dynamics.platform_stiffness(t.chain, state, motor_stiffness=stiffness)
+        answers["stiffness"] = t.twists(t.twists(stiff, 0), 1)
+    return answers
+
+
+@asks("frequency_response")
+def frequency_response(t: Telling, c: Case) -> Answers:
+    stiffness = t.sizes(1e4 * c.effort * (1 + np.arange(c.chain.nu)))
+    found = stp.dynamics.frequency_response(
+        t.chain,
+        t.state(c.near)[0],
+        frequency=[0.7],
+        motor_stiffness=stiffness,
+        motor_damping=0.02 * stiffness,
+    )
+    values = t.motors(t.twists(np.stack([found.values[0].real, found.values[0].imag]), 1))
+    return {"response": values}
 
 
 @asks("linearise", "natural_frequencies")
@@ -145,6 +166,28 @@ def vibration(t: Telling, c: Case) -> Answers:
         response = t.tangent(response)
         answers["response"] = np.stack([response.real, response.imag])
     return answers
+
+
+@asks("with_joint_physics")
+def joint_physics(t: Telling, c: Case) -> Answers:
+    """Springs, damping, friction and rotors of the motors; a spring of odd powers pulls alike to both sides."""
+    unit = c.effort / c.chain.tangent_scale[c.chain.motor_index]
+    rest = t.readings(c.q[c.chain.motor_q_index] - 0.1 * c.chain.tangent_scale[c.chain.motor_index])
+    linear, cubic, damping, friction = (
+        t.sizes(share * unit * (1 + np.arange(c.chain.nu))) for share in (0.7, 0.3, 0.2, 0.1)
+    )
+    own = {
+        name: {
+            "stiffness": (linear[k], 0.0, cubic[k] / c.chain.length_scale**2),
+            "rest": rest[k],
+            "damping": damping[k],
+            "friction": friction[k],
+        }
+        for k, name in enumerate(t.chain.motors)
+    }
+    chain = stp.with_joint_physics(t.chain, own)
+    q, v, a = t.state(c.q, c.v, c.a)
+    return {"efforts": t.motors(stp.inverse_dynamics(chain, q, v, a, throw=False).tau_motor)}
 
 
 @asks("constraint_matrix_system")
