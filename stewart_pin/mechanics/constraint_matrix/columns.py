@@ -91,7 +91,7 @@ def transmitted(loop: Loop) -> tuple[Transmitted, ...]:
     """
     x, y, z = np.eye(3)
     axis = np.array(loop.axis, dtype=float)
-    left, up = _beside(axis)
+    left, up = axes_beside(axis)
     # Moments about left and up hold the axis of body 2 in the direction of that of body 1.
     held = MomentAcross(-up, axis), MomentAcross(left, axis)
     twist = MomentAcross(up, left)  # about the axis
@@ -116,8 +116,19 @@ def transmitted(loop: Loop) -> tuple[Transmitted, ...]:
     return by_kind[loop.kind]
 
 
-def _beside(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors that make a right-handed frame with an axis: of a coordinate axis the next two."""
+def axes_beside(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Complete an axis to a right-handed frame.
+
+    Parameters
+    ----------
+    axis
+        (3,) unit vector.
+
+    Returns
+    -------
+    left, up : numpy.ndarray
+        (3,) unit vectors, axis × left = up; of a coordinate axis the next two.
+    """
     longest = int(np.abs(axis).argmax())
     next_one = np.zeros(3)
     next_one[longest - 2] = 1.0
@@ -286,7 +297,7 @@ def loop_columns(loop: Loop, link1: LinkMotion, link2: LinkMotion) -> Columns:
     Columns
         Wrenches on link 2.
     """
-    ends = _ends(loop, link1, link2)
+    ends = loop_ends(loop, link1, link2)
     wrenches, demands = zip(*(_loop_row(part, ends) for part in transmitted(loop)), strict=True)
     return Columns(np.stack(wrenches, axis=1), np.array(demands))
 
@@ -308,7 +319,7 @@ def loop_openings(loop: Loop, link1: LinkMotion, link2: LinkMotion, size: float)
     numpy.ndarray
         (n,) opening of every row, dimensionless: lengths per `size`, angles in radians.
     """
-    ends = _ends(loop, link1, link2)
+    ends = loop_ends(loop, link1, link2)
     reach = ends.point2 - ends.point1
     openings = []
     for part in transmitted(loop):
@@ -321,17 +332,19 @@ def loop_openings(loop: Loop, link1: LinkMotion, link2: LinkMotion, size: float)
     return np.array(openings)
 
 
-def _ends(loop: Loop, link1: LinkMotion, link2: LinkMotion) -> _Ends:
-    rotation1 = link1.rotation @ loop.placement1.rotation
-    rotation2 = link2.rotation @ loop.placement2.rotation
-    point1 = link1.origin + link1.rotation @ loop.placement1.translation
-    point2 = link2.origin + link2.rotation @ loop.placement2.translation
-    return _Ends(rotation1, rotation2, point1, point2, link1.twist, link2.twist)
-
-
 @dataclass(frozen=True, eq=False)
-class _Ends:
-    """Loop frames in the world, with the twists of the links that carry them."""
+class LoopEnds:
+    """Loop frames in the world, with the twists of the links that carry them.
+
+    Attributes
+    ----------
+    rotation1, rotation2
+        (3, 3) axes of the frames.
+    point1, point2
+        (3,) their origins [m].
+    twist1, twist2
+        (6,) spatial velocities of the links at the world origin [m/s, rad/s].
+    """
 
     rotation1: FloatArray
     rotation2: FloatArray
@@ -341,7 +354,50 @@ class _Ends:
     twist2: FloatArray
 
 
-def _loop_row(part: Transmitted, ends: _Ends) -> tuple[FloatArray, float]:
+def loop_ends(loop: Loop, link1: LinkMotion, link2: LinkMotion) -> LoopEnds:
+    """Place the frames of a loop in the world.
+
+    Parameters
+    ----------
+    loop
+        The loop.
+    link1, link2
+        Motion of its links.
+
+    Returns
+    -------
+    LoopEnds
+        Its frames.
+    """
+    rotation1 = link1.rotation @ loop.placement1.rotation
+    rotation2 = link2.rotation @ loop.placement2.rotation
+    point1 = link1.origin + link1.rotation @ loop.placement1.translation
+    point2 = link2.origin + link2.rotation @ loop.placement2.translation
+    return LoopEnds(rotation1, rotation2, point1, point2, link1.twist, link2.twist)
+
+
+def acceleration_along(direction: FloatArray, ends: LoopEnds) -> tuple[FloatArray, float]:
+    """Tell how the origin of frame 2 accelerates along a direction of body 1, seen from there.
+
+    Parameters
+    ----------
+    direction
+        (3,) unit vector in frame 1.
+    ends
+        Frames of the loop.
+
+    Returns
+    -------
+    wrench : numpy.ndarray
+        (6,) whose power on the relative acceleration of the bodies it is [1, m].
+    known : float
+        What is there without it [m/s²].
+    """
+    wrench, demand = _loop_row(ForceAlong(direction), ends)
+    return wrench, -demand
+
+
+def _loop_row(part: Transmitted, ends: LoopEnds) -> tuple[FloatArray, float]:
     """Wrench of one reaction, and the demand from differentiating its opening twice in the world frame."""
     w1, w2 = ends.twist1[3:], ends.twist2[3:]
     if isinstance(part, MomentAcross):

@@ -7,6 +7,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -15,6 +16,7 @@ from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.errors import ActuationError, InputError
 from stewart_pin.mechanics.constraint_matrix.columns import loop_openings
+from stewart_pin.mechanics.constraint_matrix.joint_efforts import OwnEffort, acting_joints, friction_at_rest
 from stewart_pin.mechanics.constraint_matrix.kinematics import motion_about
 from stewart_pin.mechanics.constraint_matrix.system import (
     AssembledSystem,
@@ -22,6 +24,7 @@ from stewart_pin.mechanics.constraint_matrix.system import (
     assemble,
     coupling_opening,
     loaded_links,
+    tree_accelerations,
 )
 from stewart_pin.mechanics.effort import Effort
 from stewart_pin.state.chain import ClosedChain
@@ -38,7 +41,10 @@ _REGULAR = 1e-11
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """Unknowns of the block system, and the freedom left in them: (n, k) basis, orthonormal in units of `scale`."""
+    """Unknowns of the block system, one column per right side or (n,) of the one, and the freedom left in them.
+
+    That is an (n, k) basis, orthonormal in units of `scale`.
+    """
 
     unknowns: FloatArray
     undetermined: FloatArray
@@ -82,14 +88,15 @@ def constraint_matrix_inverse_dynamics(
     _require_consistent(chain, assembled, a)
     _require_coupled(chain, q, v, a)
     n_bodies = system.f_p.size
-    deficiency = _deficiency(chain, loaded_links(chain, outside))
-    solution = _solve(system, chain.length_scale, deficiency if throw else None)
+    deficiency = _deficiency(chain, loaded_links(chain, outside), acting_joints(chain))
+    solution = _solve(system, chain.length_scale, deficiency if throw else None, assembled.resting)
+    system, solution = _with_idle_friction(chain, assembled, solution)
     motors = slice(solution.unknowns.size - chain.nu, solution.unknowns.size)
     first_loop = 1 + sum(freedom.axes.shape[1] < 6 for freedom in assembled.freedoms)
     loops = slice(n_bodies + system.columns[first_loop].start if chain.nc else motors.start, motors.start)
     # Least norm of the wrenches; bodies that nothing determines keep as near to the demand as they can.
     demand = np.zeros_like(solution.unknowns)
-    demand[:n_bodies] = _tree_accelerations(assembled, a)
+    demand[:n_bodies] = tree_accelerations(assembled.topology, assembled.freedoms, a)
     beyond = replace(solution, unknowns=solution.unknowns - demand)
     # Efforts and rows in units of energy, so that forces and moments compare whatever the unit of length.
     sizes = np.ones_like(demand)
@@ -111,6 +118,36 @@ def constraint_matrix_inverse_dynamics(
     )
 
 
+_STARTS = 1e-6
+"""Acceleration per effort, in robot sizes and the largest inertia, from which on a coordinate is free to start: that of
+one that motors hold is round-off, that of a thin rod a hundred or more."""
+
+
+def _with_idle_friction(
+    chain: ClosedChain, assembled: AssembledSystem, solution: _Solution
+) -> tuple[ConstraintMatrixSystem, _Solution]:
+    """Let dry friction oppose what idle freedoms at rest do, instead of what was demanded of them."""
+    unknowns, responses = solution.unknowns[:, 0], solution.unknowns[:, 1:]
+    system, resting = assembled.system, assembled.resting
+    bodies, inertia = system.f_p.size, _largest_inertia(system, chain.length_scale)
+    count = len(system.bodies)
+    free = [
+        k
+        for k, own in enumerate(resting)
+        if own.on_bodies(count) @ responses[:bodies, k] * inertia > _STARTS * own.size**2
+    ]
+    if free:
+        own, response = [resting[k] for k in free], responses[:, free]
+        unknowns = unknowns - response @ assembled.rubbing[free]
+        pull = np.array([each.acceleration(unknowns[:bodies]) for each in own])
+        pairs = np.array([each.on_bodies(count) for each in own])
+        limits = np.array([each.friction for each in own])
+        found = friction_at_rest(pairs @ response[:bodies], pull, limits)
+        unknowns = unknowns + response @ found
+        system = replace(system, f_p=system.f_p - (found - assembled.rubbing[free]) @ pairs)
+    return system, replace(solution, unknowns=unknowns)
+
+
 def _middle(state: State) -> FloatArray:
     if len(state.chain.loops):
         return state.loops.origin2.mean(axis=0)
@@ -118,12 +155,12 @@ def _middle(state: State) -> FloatArray:
 
 
 @lru_cache(maxsize=16)
-def _deficiency(chain: ClosedChain, loaded: tuple[str, ...] = ()) -> int:
+def _deficiency(chain: ClosedChain, loaded: tuple[str, ...] = (), _acting: tuple[str, ...] = ()) -> int:
     """Count the unknowns that the equations of a mechanism leave undetermined wherever it stands.
 
     Found by the gap between singular values at closed configurations, as the ranks of the loops are, but from this
-    system's own matrix; links that are bodies because they are loaded take part. Chains do not change, so the answers
-    for the last few are kept.
+    system's own matrix; links that are bodies because they are loaded, or joints act on them, take part. Chains do not
+    change but for the fields of their models that tell which joints act, so the answers for the last few are kept.
     """
     found: list[int] = []
     outside = as_wrenches(chain, dict.fromkeys(loaded, np.zeros(6)))
@@ -138,14 +175,23 @@ def _deficiency(chain: ClosedChain, loaded: tuple[str, ...] = ()) -> int:
     return min(found)
 
 
-def _solve(system: ConstraintMatrixSystem, size: float, deficiency: int | None) -> _Solution:
-    """Solve with as many directions as the mechanism has, or where that is not asked for as the matrix has here."""
+def _solve(
+    system: ConstraintMatrixSystem, size: float, deficiency: int | None, unit: Sequence[OwnEffort] = ()
+) -> _Solution:
+    """Solve with as many directions as the mechanism has, or where that is not asked for as the matrix has here.
+
+    Further columns of the unknowns are what unit efforts change.
+    """
     scale, across = _natural_units(system, size)
     # Dense on purpose: at this size LAPACK is faster than SuperLU, which crashes on singular matrices.
     matrix = system.matrix.toarray() * across[:, None] * scale
-    right = system.right_hand_side * across
+    right = np.zeros((across.size, 1 + len(unit)))
+    right[:, 0] = system.right_hand_side
+    for k, own in enumerate(unit, 1):
+        right[: system.f_p.size, k] = -own.on_bodies(len(system.bodies))
+    right *= across[:, None]
     null = (
-        np.zeros((right.size, 0)) if not deficiency else _free_wrenches(matrix, system.f_p.size, deficiency)
+        np.zeros((across.size, 0)) if not deficiency else _free_wrenches(matrix, system.f_p.size, deficiency)
     )
     if null is not None:
         # Symmetric, so that what it leaves open is also what its right side cannot ask for.
@@ -156,13 +202,13 @@ def _solve(system: ConstraintMatrixSystem, size: float, deficiency: int | None) 
             unknowns = getrs(factors, pivots, right)[0]
             # Large wrenches would leave their round-off in the accelerations; one refinement takes it out [1, ch. 12].
             unknowns += getrs(factors, pivots, right - matrix @ unknowns)[0]
-            return _Solution(scale * unknowns, null, scale)
+            return _Solution(scale[:, None] * unknowns, null, scale)
     u, s, vt = np.linalg.svd(matrix)
     rank = int(np.count_nonzero(s > _REGULAR * s[0])) if deficiency is None else s.size - deficiency
     unknowns = np.zeros_like(right)
     for _ in range(2):  # the second time as above
-        unknowns += vt[:rank].T @ ((u[:, :rank].T @ (right - matrix @ unknowns)) / s[:rank])
-    return _Solution(scale * unknowns, vt[rank:].T, scale)
+        unknowns += vt[:rank].T @ ((u[:, :rank].T @ (right - matrix @ unknowns)) / s[:rank, None])
+    return _Solution(scale[:, None] * unknowns, vt[rank:].T, scale)
 
 
 def _free_wrenches(matrix: FloatArray, n_bodies: int, deficiency: int) -> FloatArray | None:
@@ -181,9 +227,13 @@ def _natural_units(system: ConstraintMatrixSystem, size: float) -> tuple[FloatAr
     """Scales of unknowns and rows that make every entry of the matrix one at most, whatever the unit of length."""
     motion = _motion_scale(system, size)
     columns = _column_scale(system, motion)
-    # The largest inertia, or one where no body has any.
-    inertia = float(np.abs(system.I.diagonal() * motion**2).max()) or 1.0
+    inertia = _largest_inertia(system, size)
     return np.concatenate([motion, inertia * columns]), np.concatenate([motion / inertia, columns])
+
+
+def _largest_inertia(system: ConstraintMatrixSystem, size: float) -> float:
+    """Inertia of a body in natural units, or one where none has any [kg m²]."""
+    return float(np.abs(system.I.diagonal() * _motion_scale(system, size) ** 2).max()) or 1.0
 
 
 def _motion_scale(system: ConstraintMatrixSystem, size: float) -> FloatArray:
@@ -218,7 +268,7 @@ def _least_norm(solution: _Solution, groups: list[slice], sizes: FloatArray) -> 
 def _require_consistent(chain: ClosedChain, assembled: AssembledSystem, a: Tangent) -> None:
     """Check gap, rate and acceleration of the loops as the bodies' own motion shows them."""
     system = assembled.system
-    bodies = _tree_accelerations(assembled, a)
+    bodies = tree_accelerations(assembled.topology, assembled.freedoms, a)
     names = {name: columns for name, columns in zip(system.joints, system.columns, strict=True)}
     twists = np.concatenate([assembled.links[body.name].twist for body in assembled.topology.bodies])
     matrix = system.C.toarray()
@@ -257,14 +307,6 @@ def _require_coupled(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangen
                 )
 
 
-def _tree_accelerations(assembled: AssembledSystem, a: Tangent) -> FloatArray:
-    """Spatial accelerations of all bodies for a tangent acceleration: (6 n_bodies,)."""
-    at = {assembled.topology.bodies[0].name: np.zeros(6)}
-    for compound, freedom in zip(assembled.topology.tree, assembled.freedoms, strict=True):
-        at[compound.successor] = at[compound.predecessor] + freedom.axes @ a[freedom.index] + freedom.bias
-    return np.concatenate([at[body.name] for body in assembled.topology.bodies])
-
-
 def _tangent_acceleration(assembled: AssembledSystem, bodies: FloatArray, demand: Tangent) -> Tangent:
     """Joint accelerations from the bodies' accelerations; where no body takes part, the demand."""
     at = {body.name: bodies[6 * k : 6 * k + 6] for k, body in enumerate(assembled.topology.bodies)}
@@ -288,7 +330,10 @@ def _require_held(chain: ClosedChain, assembled: AssembledSystem, unknowns: Floa
     rows = slice(6 * k, 6 * k + 6)
     motion = _motion_scale(system, chain.length_scale)
     # In natural units, so that the unit of length decides nothing.
-    asked, done = (x[rows] / motion[rows] for x in (_tree_accelerations(assembled, a), unknowns))
+    asked, done = (
+        x[rows] / motion[rows]
+        for x in (tree_accelerations(assembled.topology, assembled.freedoms, a), unknowns)
+    )
     if np.abs(asked - done).max() <= CONSISTENT * max(1.0, float(np.abs(asked).max())):
         return
     direction = (asked - done) / np.abs(asked - done).max()

@@ -3,7 +3,8 @@ r"""The block system of the maximal coordinates.
     -I a + C η = f_p,    Cᵀ a = c_a,    f_p = -f_e - I g + v ×* I v per body.
 
 A rotor of inertia r on the freedom of a joint resists its own acceleration ẍ = wᵀ a - b alone, with w the pair of
-wrenches that a motor there would put on the two bodies: it adds w r wᵀ to I and -w r b to f_p.
+wrenches that a motor there would put on the two bodies: it adds w r wᵀ to I and -w r b to f_p. What else a joint does
+by itself, springs, damping and dry friction with the effort f, adds -w f to f_p.
 
 a are the spatial accelerations of the bodies, η the amplitudes of the joint wrenches; the last entries of η are the
 motor efforts. Couplings give columns to C too.
@@ -26,6 +27,12 @@ from stewart_pin.mechanics.constraint_matrix.columns import (
     effort_column,
     loop_columns,
     passive_columns,
+)
+from stewart_pin.mechanics.constraint_matrix.joint_efforts import (
+    OwnEffort,
+    acting_joints,
+    moves,
+    own_efforts,
 )
 from stewart_pin.mechanics.constraint_matrix.kinematics import (
     JointMotion,
@@ -157,7 +164,7 @@ class ConstraintMatrixSystem(Brief):
     C
         (6 n_bodies, n_columns) sparse matrix of joint wrenches [force, moment per unit].
     f_p
-        (6 n_bodies,) gravity and velocity forces, on the side of the wrenches [N, N m].
+        (6 n_bodies,) gravity, velocity forces and what joints do by themselves, on the side of the wrenches [N, N m].
     c_a
         (n_columns,) demanded relative accelerations [m/s², rad/s²].
     bodies
@@ -204,6 +211,10 @@ class AssembledSystem:
         Motion of every link and tree joint.
     freedoms
         Freedoms of each compound tree joint.
+    resting
+        Coordinates with dry friction that are at rest.
+    rubbing
+        What friction does at each of them for the demanded acceleration, as it is in the equations [N or N m].
     """
 
     system: ConstraintMatrixSystem
@@ -211,6 +222,8 @@ class AssembledSystem:
     links: dict[str, LinkMotion]
     joints: dict[str, JointMotion]
     freedoms: tuple[Freedoms, ...]
+    resting: tuple[OwnEffort, ...]
+    rubbing: FloatArray
 
 
 def constraint_matrix_system(
@@ -232,7 +245,8 @@ def constraint_matrix_system(
     v
         (nv,) tangent velocity, with a chain [m/s, rad/s].
     a
-        (nv,) tangent acceleration, of which the motors' entries are demanded; with a chain [m/s², rad/s²].
+        (nv,) tangent acceleration, of which the motors' entries are demanded; with a chain [m/s², rad/s²]. Dry friction
+        of a joint at rest opposes its entry here, and does nothing where that is zero.
     wrenches
         {link: (6,)} what acts from outside: [force; moment] on the link, at the origin of its frame, world axes; a link
         without inertia that bears one and moves on its own is a body too [N, N m].
@@ -278,7 +292,7 @@ def assemble(
         Equations and kinematics.
     """
     rotors = _rotors(chain)
-    driven = tuple(dict.fromkeys([*chain.motors, *(name for name, _, _ in rotors)]))
+    driven = tuple(dict.fromkeys([*chain.motors, *(name for name, _, _ in rotors), *acting_joints(chain)]))
     borne = {} if outside is None else outside.by_link()
     layout = topology(chain.mechanism, driven, chain.platform, loaded_links(chain, outside))
     links, joints = tree_motion(chain, q, v, np.zeros(3) if about is None else about)
@@ -331,6 +345,15 @@ def assemble(
         pairs, own = turning.matrix(force.size), np.array([amount for _, _, amount in rotors])
         inertia = inertia + pairs @ scipy.sparse.diags_array(own) @ pairs.T
         force = force - pairs @ (own * np.concatenate(turning.demands))
+    acting = own_efforts(chain, layout, freedoms, links, q, v)
+    resting, rubbing = (), np.zeros(0)
+    if acting:
+        resting, rubbing, efforts = _with_friction(
+            chain, acting, v, a, tree_accelerations(layout, freedoms, a)
+        )
+        force = force - sum(
+            x * own.on_bodies(len(layout.bodies)) for x, own in zip(efforts, acting, strict=True)
+        )
     system = ConstraintMatrixSystem(
         I=scipy.sparse.csc_array(inertia),
         C=blocks.matrix(6 * len(layout.bodies)),
@@ -341,7 +364,45 @@ def assemble(
         kinds=tuple(blocks.kinds),
         columns=tuple(blocks.slices),
     )
-    return AssembledSystem(system, layout, links, joints, freedoms)
+    return AssembledSystem(system, layout, links, joints, freedoms, resting, rubbing)
+
+
+def tree_accelerations(layout: Topology, freedoms: Sequence[Freedoms], a: Tangent) -> FloatArray:
+    """Accelerate all bodies as the joints of the tree do.
+
+    Parameters
+    ----------
+    layout
+        Bodies and compound joints.
+    freedoms
+        Freedoms of each compound joint.
+    a
+        (nv,) tangent acceleration [m/s², rad/s²].
+
+    Returns
+    -------
+    numpy.ndarray
+        (6 n_bodies,) spatial accelerations at the world origin [m/s², rad/s²].
+    """
+    at = {layout.bodies[0].name: np.zeros(6)}
+    for compound, freedom in zip(layout.tree, freedoms, strict=True):
+        at[compound.successor] = at[compound.predecessor] + freedom.axes @ a[freedom.index] + freedom.bias
+    return np.concatenate([at[body.name] for body in layout.bodies])
+
+
+def _with_friction(
+    chain: ClosedChain, acting: Sequence[OwnEffort], v: Tangent, a: Tangent, bodies: FloatArray
+) -> tuple[tuple[OwnEffort, ...], FloatArray, FloatArray]:
+    """Tell what joints do, dry friction against the motion, or at rest against the acceleration that is demanded."""
+    sizes = np.array([own.size for own in acting])
+    friction = np.array([own.friction for own in acting])
+    rates = np.array([own.rate for own in acting])
+    sense = moves(rates, sizes, v, chain)
+    still = (sense == 0) & (friction > 0)
+    starts = moves(np.array([own.acceleration(bodies) for own in acting]), sizes, a, chain)
+    rubbing = -friction * np.where(sense == 0, starts, sense)
+    efforts = np.array([own.smooth for own in acting]) + rubbing
+    return tuple(own for own, rests in zip(acting, still, strict=True) if rests), rubbing[still], efforts
 
 
 def loaded_links(chain: ClosedChain, outside: OutsideWrenches | None) -> tuple[str, ...]:
