@@ -19,7 +19,9 @@ from stewart_pin.mechanics.derivatives import (
     inverse_dynamics_derivatives as inverse_dynamics_derivatives,
 )
 from stewart_pin.mechanics.effort import Effort as Effort
+from stewart_pin.mechanics.effort import JointEfforts as JointEfforts
 from stewart_pin.mechanics.effort import Motion as Motion
+from stewart_pin.mechanics.effort import joint_efforts as joint_efforts
 from stewart_pin.mechanics.equilibrium import LinearSystem as LinearSystem
 from stewart_pin.mechanics.operational_dynamics import MotionMap as MotionMap
 from stewart_pin.mechanics.operational_dynamics import OperationalDynamics as OperationalDynamics

@@ -1,4 +1,4 @@
-"""What inverse and forward dynamics answer, whatever the method; and whether weight on a motion is more than digits."""
+"""What inverse and forward dynamics answer, what joints give by themselves, and what weight is no more than digits."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.brief import Brief
-from stewart_pin.state.state import State
+from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import PRINTED
-from stewart_pin.typing import FloatArray, Tangent
+from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -62,6 +63,73 @@ class Motion(Brief):
 
     a: Tangent
     lambda_c: FloatArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class JointEfforts(Brief):
+    """What joints give by themselves in a state, as efforts of the tree.
+
+    Attributes
+    ----------
+    elastic
+        (nv,) of springs and constant forces [N, N m].
+    viscous
+        (nv,) of damping [N, N m].
+    dry
+        (nv,) of dry friction of joints that move; those at rest give what equilibrium asks for [N, N m].
+    energy
+        Held by springs, and by constant forces counted from their rest position [J].
+    dissipation
+        Turned into heat by damping and dry friction, zero or more [W].
+    """
+
+    elastic: Tangent
+    viscous: Tangent
+    dry: Tangent
+    energy: float
+    dissipation: float
+
+
+def joint_efforts(
+    chain: ClosedChain | State, q: ArrayLike | None = None, v: ArrayLike | None = None
+) -> JointEfforts:
+    """Compute what the joints of a chain give by themselves: springs, damping, dry friction.
+
+    Parameters
+    ----------
+    chain
+        Closed chain, or a state of it; its loops may be open.
+    q
+        (nq,) configuration, with a chain [m, rad, unit quaternions].
+    v
+        (nv,) tangent velocity; default: rest [m/s, rad/s].
+
+    Returns
+    -------
+    JointEfforts
+        Efforts on the right of M a + nle = Sᵀ τ + J_cᵀ λ + these, their energy and what they turn into heat.
+
+    Raises
+    ------
+    InputError
+        If an argument has the wrong shape or is not finite.
+
+    Examples
+    --------
+    >>> import stewart_pin as stp
+    >>> chain = stp.with_joint_physics(stp.load("five_bar"), {"left_knee": {"stiffness": 2.0, "rest": -0.5}})
+    >>> stp.dynamics.joint_efforts(chain, chain.q_home).elastic.round(4)
+    array([0.    , 0.4298, 0.    , 0.    ])
+    """
+    state = as_state(chain, q, v)
+    effects, none = state.effects, np.zeros(state.chain.nv)
+    if effects is None:
+        return JointEfforts(none, none, none, 0.0, 0.0)
+    dry = effects.efforts() - effects.smooth
+    lost = -float((effects.viscous + dry) @ state.v)
+    return JointEfforts(
+        effects.elastic, effects.viscous, dry, state.chain.joint_effects.elastic_energy(state), lost
+    )
 
 
 # ----------------------------------------------------------------------------------------------------

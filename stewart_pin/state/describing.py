@@ -6,6 +6,8 @@ import textwrap
 from typing import TYPE_CHECKING
 
 from stewart_pin.errors import StewartPinError
+from stewart_pin.model.description import physics_coordinates
+from stewart_pin.model.joint_physics import with_physics_of
 
 if TYPE_CHECKING:
     from stewart_pin.state.chain import ClosedChain
@@ -34,7 +36,7 @@ def describe(chain: ClosedChain) -> str:
     links = _count(len(chain.mechanism.links), "link")
     platform = f"platform {chain.platform!r}" if chain.platform is not None else "no platform named"
     lines = [f"{chain.name}: {links}, {ties}, {platform}", _freedoms(chain), *_motors(chain)]
-    return "\n".join([*lines, *_entries(chain)])
+    return "\n".join([*lines, *_physics(chain), *_entries(chain)])
 
 
 def _count(number: int, noun: str) -> str:
@@ -61,6 +63,21 @@ def _motors(chain: ClosedChain) -> list[str]:
         words = ", ".join(limits.words(int(row))) or "no limit stated"
         told.setdefault((limits.unit("position", int(row)), words), []).append(name)
     lines = [f"motors ({unit}): {', '.join(names)}: {words}" for (unit, words), names in told.items()]
+    return _short([w for line in lines for w in textwrap.wrap(line, _WIDTH, subsequent_indent="    ")])
+
+
+def _physics(chain: ClosedChain) -> list[str]:
+    """Tell what joints do by themselves, those that are alike together."""
+    told: dict[str, list[str]] = {}
+    for joint in with_physics_of(chain.model, chain.mechanism).joints:
+        if joint.physics:
+            told.setdefault(str(joint.physics), []).append(joint.name)
+    for loop in chain.loops:
+        words = physics_coordinates(loop.kind)
+        for word, own in zip(words, loop.physics, strict=False):
+            if own:
+                told.setdefault(str(own), []).append(loop.name if len(words) == 1 else f"{loop.name} {word}")
+    lines = [f"by themselves: {', '.join(names)}: {own}" for own, names in told.items()]
     return _short([w for line in lines for w in textwrap.wrap(line, _WIDTH, subsequent_indent="    ")])
 
 

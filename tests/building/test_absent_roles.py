@@ -90,6 +90,7 @@ ANSWERS: dict[str, Callable[[stp.ClosedChain, Path], Any]] = {
     ),
     "generic_freedom": lambda c, f: stp.loops.generic_freedom(c).dof,
     "geometry_parameters": lambda c, f: stp.build.geometry_parameters(c),
+    "joint_efforts": lambda c, f: stp.dynamics.joint_efforts(c, c.q_home).elastic,
     "joint_motor_map": lambda c, f: stp.dynamics.joint_motor_map(c, c.q_home, joints=["c"], motors=["a"]),
     "joint_reactions": lambda c, f: stp.joint_reactions(
         c, c.q_home, np.zeros(3), stp.inverse_dynamics(c, c.q_home, np.zeros(3), falling(c), throw=False)

@@ -173,3 +173,27 @@ def test_fields_of_the_model_count_and_are_carried_on() -> None:
     with pytest.raises(UnsupportedError, match="make both sides alike"):
         chain.model.lowerDryFrictionLimit = np.array([-0.1, 0.0, 0.0, 0.0])
         stp.inverse_dynamics(chain, chain.q_home, chain.rest, chain.rest)
+
+
+def test_what_joints_give_is_the_slope_of_their_energy_and_heat(rng: np.random.Generator) -> None:
+    for name in ("five_bar", "stewart"):
+        chain = effective(name)
+        q = random_configuration(chain, rng)
+        v, _ = random_motion(chain, rng, q)
+        found = stp.dynamics.joint_efforts(chain, q, v)
+        by_hand_ = by_hand(name, q, v)
+        assert found.elastic + found.viscous + found.dry == pytest.approx(
+            by_hand_, abs=1e-9 * np.abs(by_hand_).max()
+        )
+        step = 1e-6
+        after, before = (
+            stp.dynamics.joint_efforts(chain, pin.integrate(chain.model, q, h * v)) for h in (step, -step)
+        )
+        power = (after.energy - before.energy) / (2 * step)
+        assert power == pytest.approx(-found.elastic @ v, abs=1e-7 * max(1.0, abs(found.energy)))
+        assert found.dissipation == pytest.approx(-(found.viscous + found.dry) @ v) and found.dissipation > 0
+
+
+def test_a_chain_tells_what_its_joints_do() -> None:
+    said = str(effective("five_bar"))
+    assert "by themselves: tip_pin: damping 0.15, friction 0.3, stiffness 2 0 1, rest 0.4, force -0.7" in said

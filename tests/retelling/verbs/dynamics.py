@@ -168,7 +168,7 @@ def vibration(t: Telling, c: Case) -> Answers:
     return answers
 
 
-@asks("with_joint_physics")
+@asks("with_joint_physics", "joint_efforts")
 def joint_physics(t: Telling, c: Case) -> Answers:
     """Springs, damping, friction and rotors of the motors; a spring of odd powers pulls alike to both sides."""
     unit = c.effort / c.chain.tangent_scale[c.chain.motor_index]
@@ -187,7 +187,12 @@ def joint_physics(t: Telling, c: Case) -> Answers:
     }
     chain = stp.with_joint_physics(t.chain, own)
     q, v, a = t.state(c.q, c.v, c.a)
-    return {"efforts": t.motors(stp.inverse_dynamics(chain, q, v, a, throw=False).tau_motor)}
+    given = stp.dynamics.joint_efforts(chain, q, v)
+    return {
+        "efforts": t.motors(stp.inverse_dynamics(chain, q, v, a, throw=False).tau_motor),
+        "own": t.motors((given.elastic + given.viscous + given.dry)[chain.motor_index]),
+        "energy": np.array([given.energy, given.dissipation]),
+    }
 
 
 @asks("constraint_matrix_system")
