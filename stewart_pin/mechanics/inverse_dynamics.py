@@ -124,13 +124,22 @@ def _with_band(effort: Effort, state: State, a: Tangent) -> Effort:
     """Add by how much motor efforts may differ while dry friction holds what is at rest."""
     if state.effects is None or not state.effects.rubbing.limits.size:
         return effort
-    rub, freedom = state.effects.rubbing, state.freedom
+    rub = state.effects.rubbing
     held = state.effects.directions(a) == 0
     if not held.any():
         return effort
-    pushes = (rub.limits * rub.rows.T)[:, held]
-    half = sum(np.abs(least_efforts(state, freedom.motions.T @ push)) for push in pushes.T)
+    half = np.zeros(state.chain.nu)
+    for push in (rub.limits[:, None] * rub.rows)[held]:
+        half += np.abs(_motors_alone(state, push))
     return replace(effort, band=effort.tau_motor[:, None] + np.outer(half, [-1.0, 1.0]))
+
+
+def _motors_alone(state: State, push: Tangent) -> FloatArray:
+    """Motor efforts (nu,) that balance joint efforts at rest."""
+    if state.drive is None:
+        return least_efforts(state, state.freedom.motions.T @ push)
+    scale = state.chain.tangent_scale
+    return state.drive.carry(push * scale)[1] / scale[state.chain.motor_index]
 
 
 def motor_efforts(state: State, a: Tangent, outside: OutsideWrenches | None = None) -> FloatArray:
