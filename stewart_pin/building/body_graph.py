@@ -184,7 +184,8 @@ def loops_by_balls(chain: ClosedChain, *, distance: float | None = None) -> Clos
     InputError
         If the distance is not positive.
     UnsupportedError
-        If a loop slides, or keeps a distance or angle only: no set of balls does the same.
+        If a loop slides, or keeps a distance or angle only: no set of balls does the same. If a loop that is no ball
+        has springs, damping or friction.
 
     Examples
     --------
@@ -195,6 +196,13 @@ def loops_by_balls(chain: ClosedChain, *, distance: float | None = None) -> Clos
     """
     as_chain(chain)
     apart = as_positive("distance", _SHARE * chain.length_scale if distance is None else distance)
+    for loop in chain.loops:
+        if any(loop.physics) and loop.kind is not JointKind.SPHERICAL:
+            told = ", ".join(str(own) for own in loop.physics if own)
+            raise UnsupportedError(
+                f"joint '{loop.name}' closes a loop and has {told}, for which the balls that would stand for it have no "
+                "place; take it away by with_joint_physics, or let the joint stand in the tree"
+            )
     loops = tuple(ball for loop in chain.loops for ball in _balls(loop, apart))
     lost = tuple(
         Note(f"loop '{loop.name}'", "its limits: the balls that stand for it have other coordinates")

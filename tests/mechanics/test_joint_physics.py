@@ -197,3 +197,9 @@ def test_what_joints_give_is_the_slope_of_their_energy_and_heat(rng: np.random.G
 def test_a_chain_tells_what_its_joints_do() -> None:
     said = str(effective("five_bar"))
     assert "by themselves: tip_pin: damping 0.15, friction 0.3, stiffness 2 0 1, rest 0.4, force -0.7" in said
+
+
+def test_balls_do_not_stand_for_a_hinge_with_physics() -> None:
+    with pytest.raises(UnsupportedError, match="joint 'tip_pin' closes a loop and has damping 0.15"):
+        stp.build.loops_by_balls(effective("five_bar"))
+    assert stp.build.loops_by_balls(effective("stewart")).mechanism.loops[2].physics[0].stiffness == (4.0,)
