@@ -454,9 +454,12 @@ class Flow:
             pushed = self._push.at(t, q, v, weightless=self._plant.weightless)
             self._outside, efforts = (None, None) if pushed is None else pushed
             x_rate = np.empty(x.size)
+            joints = self._plant.joint_forces(q, v)
+            if joints is not None:
+                heat += joints.damping
             x_rate[:ACCOUNTS] = given @ rate, heat, 0.0 if efforts is None else efforts @ v
             x_rate[ACCOUNTS:] = self._drive.state_rate(t, q, v, x[ACCOUNTS:])
-            self._rates = self._plant.acceleration(q, v, given + loss, efforts), x_rate
+            self._rates = self._plant.acceleration(q, v, given + loss, efforts, joints), x_rate
         return self._rates
 
     def outside(self, t: float, q: Configuration, v: Tangent, x: FloatArray) -> OutsideWrenches | None:

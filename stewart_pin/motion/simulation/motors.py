@@ -70,7 +70,7 @@ class MotorBank:
         self._spread = {name: as_spread(name, value, chain.nu) for name, value in values.items()}
         if not (self._spread["coulomb_rate"] > 0).all():
             raise InputError("coulomb_rate must be above zero: dry friction is regularised")
-        self.inertia = self._spread["inertia"]
+        self.inertia, self.viscous = self._spread["inertia"], self._spread["viscous"]
         limits = chain.limits
         self.lower, self.upper = limits.bounds("position", index_v).T
         self.efforts, self.rates = limits.bounds("effort", index_v), limits.bounds("velocity", index_v)

@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import get_lapack_funcs, qr
+from scipy.linalg import eigh, get_lapack_funcs, qr
 
 from stewart_pin.errors import ClosureError, UnsupportedError
 from stewart_pin.kernels.choosing import SimulationKernels
 from stewart_pin.mechanics.forward_dynamics import forward_dynamics
+from stewart_pin.mechanics.inverse_dynamics import require_idle_inertia
 from stewart_pin.programs.arrays import SingleState
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.chain import ClosedChain
@@ -42,6 +43,24 @@ class PlantMemory(NamedTuple):
     projector: bool
     constrained: bool
     weightless: bool
+
+
+class JointForces(NamedTuple):
+    """What the joints of a plant do by themselves in a state.
+
+    Attributes
+    ----------
+    state
+        The state.
+    efforts
+        (nv,) joint efforts [N, N m].
+    damping
+        What their dampers turn into heat [W].
+    """
+
+    state: State
+    efforts: Tangent
+    damping: float
 
 
 class Plant:
@@ -78,6 +97,12 @@ class Plant:
         self._data = pin.Data(self.model)
         self._scale, self._sizes = chain.tangent_scale, chain.row_sizes
         self._tau = np.zeros(chain.nv)
+        effects = State(self.chain, q, v).effects
+        self._acts = effects is not None
+        if effects is not None and effects.rubbing.limits.size:
+            raise UnsupportedError(
+                "simulate knows no dry friction of joints; set it to zero by with_joint_physics"
+            )
         self._bodies, self._rotors = _without_rotors(self.chain.mass_model)
         self.rows = np.arange(chain.nc)
         self._candidates = kernels
@@ -140,7 +165,8 @@ class Plant:
         self._kernel: SingleState | None = None
         self._projector: SingleState | None = None
         if self._candidates is not None:
-            if not own_rotors:  # compiled code knows the rotors of the model, not those of the simulation
+            # Compiled code knows the rotors of the model, not those of the simulation, and no springs and dampers.
+            if not own_rotors and not self._acts:
                 self._kernel = self._candidates.acceleration
                 if not self._fits(q, v, expected):
                     self._kernel = None
@@ -153,7 +179,7 @@ class Plant:
 
     def _try_constraint_dynamics(self, q: Configuration, v: Tangent, expected: Tangent) -> bool:
         """Use Pinocchio's own algorithm where it gives what the projection gives."""
-        if self.rows.size < self.chain.nc:
+        if self._acts or self.rows.size < self.chain.nc:
             return False
         try:
             self._make_constrained()
@@ -212,8 +238,37 @@ class Plant:
         """Whether some motion of the chain has no inertia."""
         return self._weightless
 
+    def joint_forces(self, q: Configuration, v: Tangent) -> JointForces | None:
+        """Compute what springs and dampers of joints do.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+
+        Returns
+        -------
+        JointForces or None
+            None where joints do nothing by themselves.
+        """
+        if not self._acts:
+            return None
+        state = State(self.chain, q, v)
+        effects = state.effects
+        assert effects is not None
+        if self._weightless:
+            require_idle_inertia(state, effects.smooth)
+        return JointForces(state, effects.smooth, -float(effects.viscous @ v))
+
     def acceleration(
-        self, q: Configuration, v: Tangent, tau_motor: FloatArray, pushed: FloatArray | None = None
+        self,
+        q: Configuration,
+        v: Tangent,
+        tau_motor: FloatArray,
+        pushed: FloatArray | None = None,
+        joints: JointForces | None = None,
     ) -> Tangent:
         """Compute the acceleration under motor efforts.
 
@@ -227,6 +282,8 @@ class Plant:
             (nu,) efforts on the motor coordinates [N or N m].
         pushed
             (nv,) joint efforts of wrenches from outside, which compiled code does not take; or None [N, N m].
+        joints
+            `joint_forces` of the state, if they are known.
 
         Returns
         -------
@@ -246,7 +303,10 @@ class Plant:
             return np.array(
                 pin.constraintDynamics(self.model, self._data, q, v, tau, *self._constrained, self._settings)
             )
-        state = State(self.chain, q, v)
+        joints = joints or self.joint_forces(q, v)
+        state = State(self.chain, q, v) if joints is None else joints.state
+        if joints is not None:
+            tau = tau + joints.efforts
         saddle = self._saddle(state)
         right = np.concatenate([tau - state.nle, -state.loop_bias[self.rows]])
         if self._weightless:
@@ -255,6 +315,42 @@ class Plant:
             return np.linalg.solve(saddle, right)[: self.chain.nv]
         except np.linalg.LinAlgError:
             return np.full(self.chain.nv, np.nan)
+
+    def fastest(
+        self, q: Configuration, v: Tangent, viscous: FloatArray
+    ) -> tuple[tuple[float, str], tuple[float, str]]:
+        """Find the fastest decay and the fastest swing that dampers and springs make of motions of the chain.
+
+        Parameters
+        ----------
+        q
+            (nq,) configuration with closed loops [m, rad, unit quaternions].
+        v
+            (nv,) tangent velocity [m/s, rad/s].
+        viscous
+            (nu,) viscous friction of the motors besides [N s/m or N m s/rad].
+
+        Returns
+        -------
+        decay, swing : tuple
+            Rate [1/s, rad/s] of each, and the joint that moves most in it; zero without dampers, or springs.
+        """
+        nothing = (0.0, "")
+        if self._weightless or not (self._acts or viscous.any()):
+            return nothing, nothing
+        state, chain = State(self.chain, q, v), self.chain
+        by_q, by_v = (np.zeros((2, chain.nv, chain.nv))) if state.effects is None else state.effects.slopes()
+        by_v[chain.motor_index, chain.motor_index] -= viscous
+        motions, scale = state.motions.basis, chain.tangent_scale
+        if not motions.size:
+            return nothing, nothing
+        inertia, found = motions.T @ state.inertia @ motions, []
+        for slope, power in ((by_v, 1.0), (by_q, 0.5)):
+            across = -motions.T @ ((slope + slope.T) / 2 * np.outer(scale, scale)) @ motions
+            values, modes = eigh(across, inertia)
+            most = int(np.argmax(np.abs(motions @ modes[:, -1])))
+            found.append((max(0.0, float(values[-1])) ** power, str(chain.tangent_names[most])))
+        return found[0], found[1]
 
     def _saddle(self, state: State) -> FloatArray:
         """Mass matrix and chosen loop rows: [[M, -Jᵀ], [J, 0]]."""
@@ -336,8 +432,8 @@ class Plant:
         back, sizes = self._scale[:, None] * scaled.T, self._sizes[self.rows]
         return lambda residual: back @ _solve(factor, residual / sizes, lower=1)[0]
 
-    def energy(self, q: Configuration, v: Tangent) -> tuple[float, float]:
-        """Compute kinetic and potential energy, motor inertia included.
+    def energy(self, q: Configuration, v: Tangent) -> tuple[float, float, float]:
+        """Compute kinetic and potential energy, motor inertia included, and that of the joints' springs.
 
         Parameters
         ----------
@@ -348,14 +444,15 @@ class Plant:
 
         Returns
         -------
-        kinetic, potential : float
+        kinetic, potential, elastic : float
             [J].
         """
         unit, data = self.chain.mass_unit, self._data
         # Rotors by themselves: Pinocchio's kinetic energy has those of some kinds of joints only.
         kinetic = pin.computeKineticEnergy(self._bodies, data, q, v) + self._rotors @ (v * v) / 2
         potential = pin.computePotentialEnergy(self._bodies, data)
-        return float(unit * kinetic), float(unit * potential)
+        elastic = self.chain.joint_effects.elastic_energy(State(self.chain, q)) if self._acts else 0.0
+        return float(unit * kinetic), float(unit * potential), elastic
 
     @property
     def weight_by_size(self) -> float:

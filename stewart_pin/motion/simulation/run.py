@@ -38,6 +38,8 @@ _FEW_RECORDS = 10_000
 _MOST_RECORDS = 2_000_000
 _MOST_STEPS = 1e12
 """Steps beyond which a duration or dt is a slip: a year even at thirty microseconds each."""
+_FASTEST = (2.78, 2.82)
+"""Decay, and swing in radians, per step of the classical Runge-Kutta method beyond which what fades is made to grow."""
 _WATCH_RATE = 50.0
 """How often singularities are looked for, and loop rows chosen anew [1/s]."""
 
@@ -145,6 +147,9 @@ class Run:
         self.largest_gap = gap
         self.recorded, self.sampled = -1, start.sampled
         self.reason, self.speechless = "", False
+        too_fast = self._too_fast(self.here[0])
+        if too_fast is not None:
+            raise InputError(too_fast[1])
 
     def _time(self, k: int) -> float:
         """Give the instant of a step."""
@@ -212,6 +217,23 @@ class Run:
         if self.options.progress and (k % self.watch == 0 or k == self.last):
             self.options.progress("simulation", k - self.first, self.last - self.first)
 
+    def _too_fast(self, phase: Phase) -> tuple[str, str] | None:
+        """Name a joint whose damper or spring is too stiff for fixed steps here, and say so."""
+        if not self.options.is_fixed:
+            return None
+        dt = self.options.dt
+        words = zip(
+            ("dampers", "springs"), ("decay at {:.3g}/s", "swing at {:.3g} rad/s"), _FASTEST, strict=True
+        )
+        found = self.plant.fastest(phase.q, phase.v, self.bank.viscous)
+        for (rate, joint), (what, how, most) in zip(found, words, strict=True):
+            if rate * dt > most:
+                return joint, (
+                    f"the step dt = {dt:g} s is too large for the {what} of the joints, which let '{joint}' "
+                    f"{how.format(rate)}; choose dt below {most / rate:.2g} s, or method='Radau'"
+                )
+        return None
+
     def _passed(self, t: float, h: float, before: Phase, after: Phase) -> None:
         """Look for a singularity of the loops within a step."""
         near = self.loops.passed(h, before.q, before.v, after.q)
@@ -221,12 +243,17 @@ class Run:
             )
 
     def _events(self, k: int, phase: Phase) -> list[Event]:
+        """Look for events at an instant, and for what ends the run there."""
         t, flow = self._time(k), self.flow
         found = self.watcher.limits(t, phase.q, phase.v, flow.command(t, phase.q, phase.v, phase.x))
         if k % self.watch == 0:
             self.plant.watch(phase.q, phase.v)
             flow.forget()
             found += self.watcher.singularity(t, phase.q)
+            too_fast = self._too_fast(phase)
+            if too_fast is not None:
+                self.watcher.note(Event(t, "diverged", too_fast[0], math.inf, 0.0))
+                self.reason = self.reason or too_fast[1]
         found += self.pending
         self.pending.clear()
         return found
@@ -235,8 +262,8 @@ class Run:
         """Record an instant, and say what is wrong with its energy."""
         here = t, phase.q, phase.v, phase.x
         a, given = self.flow.rates(*here)[0], self.flow.delivered(*here)
-        kinetic, potential = self.plant.energy(phase.q, phase.v)
-        potential += self.bank.stored(phase.q[self.chain.motor_q_index])
+        kinetic, potential, elastic = self.plant.energy(phase.q, phase.v)
+        potential += elastic + self.bank.stored(phase.q[self.chain.motor_q_index])
         supplied, heat, outside = phase.x[:ACCOUNTS]
         numbers = (kinetic + potential, supplied, heat, outside, phase.gap)
         self.recorder.add(t, phase.q, phase.v, a, given, self.flow.outside(*here), numbers)
