@@ -49,6 +49,7 @@ def _mjcf() -> str:
         f"<text name={compiling.PLATFORM!r}>": "names the platform",
         f"<text name={compiling.HOME!r} data={compiling.ASSEMBLED!r}>": "home stays where the keyframe has it",
         f"<numeric name='{compiling.SPEED}joint'>": "speed limits of a joint",
+        f"<numeric name='{compiling.SPRING}joint'>": "of its spring, what MuJoCo lacks: rest, force, stiffness",
     }
     used, unused = _listed(reading._USED), _listed(compiling._UNUSED)
     flexible = _listed(f"<{tag}>" for tag in compiling._DEFORMABLE)

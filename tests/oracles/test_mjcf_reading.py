@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -76,7 +75,7 @@ class Twin:
 
 
 def _for_mujoco(path: Path) -> str:
-    """Cut out what refers to files that are not there, which the reader does by itself, and the armature."""
+    """Cut out what refers to files that are not there, which the reader does by itself."""
     text = path.read_text(encoding="utf-8")
     for absent in (
         '<mesh name="absent" file="nowhere.stl"/>',
@@ -85,8 +84,7 @@ def _for_mujoco(path: Path) -> str:
         ' texture="paint"',
     ):
         text = text.replace(absent, "")
-    # Left out aloud; it enters the mass matrix, and compiled numbers that stand for parts of that.
-    return re.sub(r' armature="[^"]*"', "", text)
+    return text
 
 
 def random_states(chain: stp.ClosedChain, rng: np.random.Generator, count: int):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from lxml import etree
 from stewart_pin.errors import FileFormatError, MissingExtraError
 from stewart_pin.model.description import Span
 from stewart_pin.model.formats.xml import UNLIMITED, ElementReader, read_xml, shown_tag
+from stewart_pin.typing import FloatArray
 
 # ----------------------------------------------------------------------------------------------------
 # Names for the parts of MuJoCo's compiled model, also for those that the file leaves without one
@@ -88,6 +89,8 @@ HOME, ASSEMBLED = "home", "assembled"
 """Name and data of the ``<text>`` that lets home stay where the keyframe has it."""
 SPEED = "velocity:"
 """Begins the names of the ``<numeric>`` that hold speed limits, for which MuJoCo has no word."""
+SPRING = "spring:"
+"""The same for what MuJoCo cannot say of a spring: rest, constant force, coefficients of stiffness by powers."""
 _GREY = (0.5, 0.5, 0.5, 1.0)
 
 
@@ -138,6 +141,9 @@ class Asides:
         Whether ``<text name="home" data="assembled">`` lets home stay where it is, whatever the limits say.
     strangers
         Names of texts and numbers that are none of these.
+    springs
+        Springs of joints besides MuJoCo's, from ``<numeric name="spring:JOINT">``: rest, constant force, stiffness by
+        powers of the displacement [m or rad, N or N m, and so on].
     deformable
         Names of deformable bodies on the ground, which are taken away: they meet the mechanism by contacts alone.
     """
@@ -147,6 +153,7 @@ class Asides:
     speeds: Mapping[str, float | Span]
     assembled: bool = False
     strangers: tuple[str, ...] = ()
+    springs: Mapping[str, FloatArray] = field(default_factory=dict)
     deformable: tuple[str, ...] = ()
 
 
@@ -169,9 +176,13 @@ class AsideReader:
             for number in spec.numerics
             if number.name.startswith(SPEED) and number.size in (1, 2)
         }
-        self.others = [
-            number.name for number in spec.numerics if number.name.removeprefix(SPEED) not in self.speeds
-        ]
+        self.springs = {
+            number.name.removeprefix(SPRING): np.array(number.data, dtype=float)
+            for number in spec.numerics
+            if number.name.startswith(SPRING) and number.size >= 2
+        }
+        known = {*(SPEED + name for name in self.speeds), *(SPRING + name for name in self.springs)}
+        self.others = [number.name for number in spec.numerics if number.name not in known]
 
     def read(self) -> Asides:
         """Say what was kept, once the specification is compiled and its geoms are numbered.
@@ -185,7 +196,12 @@ class AsideReader:
         assembled = self.texts.get(HOME) == ASSEMBLED
         strangers = [*(name for name in self.texts if name not in (PLATFORM, HOME)), *self.others]
         return Asides(
-            geoms, self.texts.get(PLATFORM, PLATFORM), self.speeds, assembled, strangers=tuple(strangers)
+            geoms,
+            self.texts.get(PLATFORM, PLATFORM),
+            self.speeds,
+            assembled,
+            strangers=tuple(strangers),
+            springs=self.springs,
         )
 
 

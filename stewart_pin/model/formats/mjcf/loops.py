@@ -146,7 +146,7 @@ class _TieReader:
             coefficients[1:] = 0.0
         else:
             # MuJoCo: y - y0 = poly(x - x0), counted from the configuration of the file.
-            coefficients = _moved(coefficients, self._reference(second))
+            coefficients = moved_polynomial(coefficients, self._reference(second))
         coefficients[0] += self._reference(first)
         joint2 = self.tree.joint_names[second] if second >= 0 else None
         self._couple(k, self.tree.joint_names[first], joint2, coefficients)
@@ -163,12 +163,12 @@ class _TieReader:
             end1, end2 = (self._at_site(int(model.wrap_objid[part])) for part in parts)
             self._add(k, JointKind.DISTANCE, end1, end2, length=constant)
             return
-        terms = self._terms(first)
+        terms = sum_of_joints(model, first)
         if second >= 0:
             # Length 1 - that at zero = c0 + c1 (length 2 - that at zero).
             slope = float(model.eq_data[k][1])
             constant -= slope * float(model.tendon_length0[second])
-            more = self._terms(second)
+            more = sum_of_joints(model, second)
             terms = _difference(terms, more, slope) if not model.eq_data[k][2:5].any() else None
         if terms is None:
             raise self._error(
@@ -177,17 +177,6 @@ class _TieReader:
                 "of them in proportion; remove it, or write <connect>, <weld> or <joint>",
             )
         self._sum(k, terms, constant)
-
-    def _terms(self, tendon: int) -> dict[int, float] | None:
-        """Factor of each joint in the length of a tendon that is a sum of joints; None for another."""
-        model = self.model
-        start, factors = int(model.tendon_adr[tendon]), {}
-        for part in range(start, start + int(model.tendon_num[tendon])):
-            if int(model.wrap_type[part]) != int(self.wraps.mjWRAP_JOINT):
-                return None
-            joint = int(model.wrap_objid[part])
-            factors[joint] = factors.get(joint, 0.0) + float(model.wrap_prm[part])
-        return factors
 
     def _sum(self, k: int, factors: dict[int, float], constant: float) -> None:
         """Couple joints by c1 q1 + c2 q2 + ... = constant."""
@@ -258,8 +247,45 @@ def _difference(
     return {joint: terms.get(joint, 0.0) - slope * others.get(joint, 0.0) for joint in joints}
 
 
-def _moved(coefficients: FloatArray, origin: float) -> FloatArray:
-    """Expand a polynomial in x - origin in powers of x."""
+def sum_of_joints(model: Any, tendon: int) -> dict[int, float] | None:
+    """Read a tendon that is a sum of joints.
+
+    Parameters
+    ----------
+    model
+        ``mujoco.MjModel``.
+    tendon
+        Its number.
+
+    Returns
+    -------
+    dict or None
+        Factor of each joint in its length, by the joint's number [m or rad per m or rad]; None for another tendon.
+    """
+    start, factors = int(model.tendon_adr[tendon]), dict[int, float]()
+    for part in range(start, start + int(model.tendon_num[tendon])):
+        if int(model.wrap_type[part]) != int(import_mujoco().mjtWrap.mjWRAP_JOINT):
+            return None
+        joint = int(model.wrap_objid[part])
+        factors[joint] = factors.get(joint, 0.0) + float(model.wrap_prm[part])
+    return factors
+
+
+def moved_polynomial(coefficients: FloatArray, origin: float) -> FloatArray:
+    """Expand a polynomial in x - origin in powers of x.
+
+    Parameters
+    ----------
+    coefficients
+        (n,) coefficients of the powers of x - origin, the constant one first [any unit per power of m or rad].
+    origin
+        Where the powers are counted from [m or rad].
+
+    Returns
+    -------
+    numpy.ndarray
+        (n,) coefficients of the powers of x, in the same units.
+    """
     if origin == 0:
         return coefficients
     # Horner's scheme: exact where the coefficients and the origin are.

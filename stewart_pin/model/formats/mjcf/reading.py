@@ -1,8 +1,9 @@
 """MJCF, the native format of MuJoCo, read through MuJoCo's own compiler (extra ``mjcf``).
 
-The tree, its loops and couplings, the motors and the home configuration are those of the compiled model: defaults,
-units, frames and inertias from shapes mean what they mean in MuJoCo. Constraints become rigid. The world is the
-ground; bodies on free joints hang on it by floating joints. What the model holds besides the mechanism is noted.
+The tree, its loops and couplings, the motors, what joints do by themselves and the home configuration are those of the
+compiled model: defaults, units, frames and inertias from shapes mean what they mean in MuJoCo. Constraints become
+rigid. The world is the ground; bodies on free joints hang on it by floating joints. What the model holds besides the
+mechanism is noted.
 
 References
 ----------
@@ -24,11 +25,13 @@ from stewart_pin.model.formats.mjcf.compiling import (
     HOME,
     PLATFORM,
     SPEED,
+    SPRING,
     compile_mjcf,
     given_names,
     import_mujoco,
 )
 from stewart_pin.model.formats.mjcf.loops import read_ties
+from stewart_pin.model.formats.mjcf.physics import read_physics
 from stewart_pin.model.formats.mjcf.tree import MUJOCO_FAR, Tree, read_tree
 from stewart_pin.model.formats.words import meant_word
 from stewart_pin.model.formats.xml import UNLIMITED
@@ -39,9 +42,7 @@ from stewart_pin.model.formats.xml import UNLIMITED
 
 
 _DEFORMABLE = "left out: a deformable body that hangs on no link meets the mechanism by contacts alone"
-_FORCE = "left out, as a mechanism has no forces but those of gravity, inertia and motors"
-
-_ROTOR = "left out, as rotors are no bodies; simulate takes it for motors, as Motors(inertia=...)"
+_FORCE = "left out, as a mechanism has no forces but those of gravity, inertia, motors and its joints"
 
 
 def left_out(model: Any, tree: Tree) -> tuple[Note, ...]:
@@ -57,37 +58,13 @@ def left_out(model: Any, tree: Tree) -> tuple[Note, ...]:
     Returns
     -------
     tuple of Note
-        Joints first, then bodies, tendons, contacts and the medium.
+        Bodies first, then tendons, contacts and the medium.
     """
     return (
-        *_of_joints(model, tree),
         *_of_bodies(model, tree),
         *_of_tendons(model),
-        *_of_actuators(model),
         *_of_the_world(model),
     )
-
-
-def _of_joints(model: Any, tree: Tree) -> Iterable[Note]:
-    one_freedom = [
-        int(kind) for kind in (import_mujoco().mjtJoint.mjJNT_HINGE, import_mujoco().mjtJoint.mjJNT_SLIDE)
-    ]
-    for k, name in enumerate(tree.joint_names):
-        first, owner = int(model.jnt_dofadr[k]), f"joint '{name}'"
-        armature = float(model.dof_armature[first])
-        if armature:
-            yield Note(owner, f"armature {armature:g}: {_ROTOR}")
-        damping = [model.dof_damping[first], *model.dof_dampingpoly[first]]
-        if np.any(damping):
-            yield Note(owner, f"damping {_shown(damping)}: {_FORCE}")
-        friction = float(model.dof_frictionloss[first])
-        if friction:
-            yield Note(owner, f"frictionloss {friction:g}: {_FORCE}")
-        stiffness = [model.jnt_stiffness[k], *model.jnt_stiffnesspoly[k]]
-        if np.any(stiffness):
-            at = int(model.jnt_qposadr[k])
-            about = f" about {float(model.qpos_spring[at]):g}" if model.jnt_type[k] in one_freedom else ""
-            yield Note(owner, f"stiffness {_shown(stiffness)}{about}: {_FORCE}")
 
 
 def _of_bodies(model: Any, tree: Tree) -> Iterable[Note]:
@@ -101,10 +78,6 @@ def _of_bodies(model: Any, tree: Tree) -> Iterable[Note]:
 def _of_tendons(model: Any) -> Iterable[Note]:
     for k, given in enumerate(given_names(model, "tendon", model.ntendon)):
         owner = f"tendon '{given or k + 1}'"
-        for attribute in ("armature", "damping", "frictionloss", "stiffness"):
-            value = float(getattr(model, f"tendon_{attribute}")[k])
-            if value:
-                yield Note(owner, f"{attribute} {value:g}: {_FORCE}")
         if model.tendon_limited[k]:
             yield Note(
                 owner, f"range {_shown(model.tendon_range[k])}: a tendon that may go slack holds nothing"
@@ -113,23 +86,14 @@ def _of_tendons(model: Any) -> Iterable[Note]:
             yield Note(owner, "actuatorfrcrange: actuators of tendons are no motors")
 
 
-def _of_actuators(model: Any) -> Iterable[Note]:
-    for k, given in enumerate(given_names(model, "actuator", model.nu)):
-        owner = f"actuator '{given or f'number {k + 1}'}'"
-        armature, damping = float(model.actuator_armature[k]), float(model.actuator_damping[k])
-        if armature:
-            yield Note(owner, f"armature {armature:g}: {_ROTOR}")
-        if damping:
-            yield Note(owner, f"damping {damping:g}: {_FORCE}")
-
-
 def _of_custom(strangers: Sequence[str]) -> Iterable[Note]:
     """Tell names that look like ours; others are for programs of their own."""
     for name in strangers:
         word = name.partition(":")[0] + (":" if ":" in name else "")
-        meant = meant_word(word, (PLATFORM, HOME, SPEED))
+        meant = meant_word(word, (PLATFORM, HOME, SPEED, SPRING))
         if meant:
-            text = "unknown; it takes one number or two" if word == meant else f"unknown, is '{meant}' meant?"
+            takes = "two numbers or more" if word == SPRING else "one number or two"
+            text = f"unknown; it takes {takes}" if word == meant else f"unknown, is '{meant}' meant?"
             yield Note("<custom>", f"the name '{name}': {text}")
 
 
@@ -160,7 +124,9 @@ _USED = (
     "body_pos", "body_quat", "body_ipos", "body_iquat", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "jnt_range",
     "site_pos", "site_quat", "eq_data", "qpos0", "key_qpos", "key_mpos", "key_mquat", "tendon_length0", "wrap_prm",
     "actuator_gear", "actuator_gainprm", "actuator_forcerange", "actuator_ctrlrange", "jnt_actfrcrange",
-    "geom_pos", "geom_quat",
+    "geom_pos", "geom_quat", "dof_armature", "dof_damping", "dof_frictionloss", "jnt_stiffness", "jnt_stiffnesspoly",
+    "qpos_spring", "tendon_armature", "tendon_damping", "tendon_frictionloss", "tendon_stiffness",
+    "tendon_stiffnesspoly", "tendon_lengthspring", "actuator_armature", "actuator_damping",
 )  # fmt: skip
 """Arrays of the compiled model that the mechanism is made of."""
 
@@ -192,6 +158,8 @@ def read_mjcf(path: Path) -> Mechanism:
     key, key_notes = _home_key(model)
     tree = read_tree(model, asides, key=key, source=str(path))
     ties = read_ties(model, tree, source=str(path))
+    joints, lost = read_physics(model, tree, asides.springs)
+    tree = replace(tree, joints=joints)
     drive = read_motors(model, tree)
     off = import_mujoco().mjtDisableBit.mjDSBL_GRAVITY
     x, y, z = (0.0 if model.opt.disableflags & off else float(value) for value in model.opt.gravity)
@@ -214,6 +182,7 @@ def read_mjcf(path: Path) -> Mechanism:
             *tree.notes,
             *ties.notes,
             *drive.notes,
+            *lost,
             *key_notes,
             *left_out(model, tree),
             *_of_custom(asides.strangers),

@@ -8,8 +8,9 @@ of the rigid mechanism. ``mj_inverse`` answers with one effort per coordinate of
 switch constraints off (``mjDSBL_CONSTRAINT``) and project its answer on the motions that keep the loops closed
 (the null space of ``efc_J``); that is exact.
 
-Limits of joint speed and the name of the platform, for which MuJoCo has no word, stand in ``<custom>``, where `load`
-finds them. What has no counterpart is left out, and noted. What MuJoCo cannot express is an `UnsupportedError`.
+Limits of joint speed, the name of the platform, constant forces and springs of high powers, for which MuJoCo has no
+word, stand in ``<custom>``, where `load` finds them. What has no counterpart is left out, and noted. What MuJoCo cannot
+express is an `UnsupportedError`.
 
 References
 ----------
@@ -40,6 +41,7 @@ from stewart_pin.model.description import (
 from stewart_pin.model.formats.dialect import note_lost_limits, write_files
 from stewart_pin.model.formats.mjcf.bodies import Body, place, plan_bodies, quaternion_text
 from stewart_pin.model.formats.mjcf.compiling import ASSEMBLED, HOME, PLATFORM, SPEED
+from stewart_pin.model.formats.mjcf.physics import lost_loop_physics, write_physics
 from stewart_pin.model.formats.mjcf.shapes import MjcfShapes
 from stewart_pin.model.formats.mjcf.tree import MUJOCO_FAR
 from stewart_pin.model.formats.xml import UNLIMITED, number_text
@@ -230,7 +232,8 @@ def write_mjcf_file(
     they only join two joints. The ground is a body at rest (or the world, when it is called so); floating links are
     free bodies of the world, whose coordinates are their pose in it. Spherical, fixed, revolute and distance loops
     become a ``connect``, a ``weld``, two ``connect`` on the axis, and a tendon of constant length; a universal loop
-    is a ``connect`` and a tendon that keeps its axes perpendicular. Couplings are ``joint`` constraints. The home
+    is a ``connect`` and a tendon that keeps its axes perpendicular. Couplings are ``joint`` constraints. Rotors,
+    damping, dry friction and springs of joints are MuJoCo's, where friction is as soft as loops are. The home
     configuration is the keyframe ``home``; the platform frame is a site.
 
     Parameters
@@ -261,7 +264,7 @@ def write_mjcf_file(
     root = writer.write(np.asarray(gravity, dtype=float))
     write_files({path: root})
     lost = (*note_lost_limits(mechanism, "mjcf", balls=("swing",)), *_lost_rates(mechanism, motors))
-    return (*writer.notes, *writer.shapes.notes, *lost)
+    return (*writer.notes, *writer.shapes.notes, *lost, *lost_loop_physics(mechanism))
 
 
 def _lost_rates(mechanism: Mechanism, motors: Sequence[str]) -> Iterator[Note]:
@@ -287,6 +290,7 @@ class _MjcfWriter:
         self.sites: set[str] = set()
         self.shapes = MjcfShapes(folder)
         self.notes: list[Note] = []
+        self.custom = etree.Element("custom")
 
     def write(self, gravity: FloatArray) -> etree._Element:
         root = etree.Element("mujoco", model=self.mechanism.name)
@@ -329,6 +333,8 @@ class _MjcfWriter:
         place(element, body.placement)
         for joint, placement in body.joints:
             _write_joint(element, joint, placement)
+            turned = not np.array_equal(placement.rotation, np.eye(3))
+            self.notes += write_physics(element[-1], joint, self.custom, turned=turned)
             # A motor's own limit stands in its actuator.
             effort = joint.bounds.effort
             if joint.has_axis and joint.name not in self.motors and np.isfinite(effort).all() and any(effort):
@@ -367,7 +373,7 @@ class _MjcfWriter:
 
     def _custom(self, root: etree._Element) -> None:
         """Write what MuJoCo has no word for, and hands on: which link is the platform, and limits of speed."""
-        custom = etree.Element("custom")
+        custom = self.custom
         if self.mechanism.platform not in (None, PLATFORM):
             etree.SubElement(custom, "text", name=PLATFORM, data=self.mechanism.platform)
         if self.mechanism.assembled:
@@ -416,7 +422,11 @@ class _MjcfWriter:
 
 def _write_joint(body: etree._Element, joint: Joint, placement: pin.SE3) -> None:
     if joint.kind is JointKind.FLOATING:
-        etree.SubElement(body, "freejoint", name=joint.name)
+        # A <freejoint> has no words for damping and the like.
+        if joint.physics:
+            etree.SubElement(body, "joint", name=joint.name, type="free")
+        else:
+            etree.SubElement(body, "freejoint", name=joint.name)
         return
     element = etree.SubElement(body, "joint", name=joint.name, type=_TYPES[joint.kind])
     if placement.translation.any():
