@@ -200,8 +200,8 @@ def loops_by_balls(chain: ClosedChain, *, distance: float | None = None) -> Clos
         if any(loop.physics) and loop.kind is not JointKind.SPHERICAL:
             told = ", ".join(str(own) for own in loop.physics if own)
             raise UnsupportedError(
-                f"joint '{loop.name}' closes a loop and has {told}, for which the balls that would stand for it have no "
-                "place; take it away by with_joint_physics, or let the joint stand in the tree"
+                f"joint '{loop.name}' closes a loop and has {told}, for which the balls that would stand for it have "
+                "no place; take it away by with_joint_physics, or let the joint stand in the tree"
             )
     loops = tuple(ball for loop in chain.loops for ball in _balls(loop, apart))
     lost = tuple(

@@ -1,4 +1,4 @@
-"""From twelve points, of a text table too, and three bodies to a closed chain with six UPS or SPS legs."""
+"""From twelve points, of a text table too, and three bodies to a closed chain with six UPS, SPS or screw legs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,17 @@ from stewart_pin.checks import as_positive
 from stewart_pin.errors import FileFormatError, FileMissingError, InputError
 from stewart_pin.geometry.hexapod import STANDARD_GRAVITY, Hexapod
 from stewart_pin.geometry.hexapod_dynamics import LowerJoint
-from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Loop, Mechanism, Note, Outcome
+from stewart_pin.model.description import (
+    Bounds,
+    Coupling,
+    Joint,
+    JointKind,
+    Link,
+    Loop,
+    Mechanism,
+    Note,
+    Outcome,
+)
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import as_pose
 from stewart_pin.typing import ArrayLike, FloatArray
@@ -24,6 +34,8 @@ _SWING = 1.5
 """Range of each axis of the lower joint, to either side [rad]: just short of the universal joint's gimbal lock."""
 _ROUND_OFF = 1e-9
 """Share of the shortest leg by which a body may be longer."""
+_ALONG = 1e-3
+"""Sine of the angle to the platform's x below which a leg on an upper universal joint is refused."""
 OVERLAP = 0.6
 """Share of a leg over which each of its bodies reaches."""
 _X, _Y, _Z = np.eye(3)
@@ -42,6 +54,7 @@ def hexapod_chain(
     velocity: float = inf,
     swing: float = _SWING,
     ball_swing: float = inf,
+    lead: float | None = None,
     home: pin.SE3 | None = None,
     name: str = "hexapod",
     gravity: ArrayLike = STANDARD_GRAVITY,
@@ -51,6 +64,10 @@ def hexapod_chain(
     Each leg stands on a universal joint (first axis = base x, second = leg y) or on a spherical one (a third axis
     along the leg), is driven by a prismatic motor whose coordinate is the leg length, and carries the platform by a
     ball, which closes the loop. The platform is a free body of the tree.
+
+    With a `lead`, each leg is a screw whose nut turns with it, as in machine tools: the platform is carried by a
+    universal joint (first axis = platform x, second across the leg at home), so that the rod turns in the nut as the
+    platform tilts and twists, and length = reading + lead / 2π × spin.
 
     Parameters
     ----------
@@ -77,6 +94,9 @@ def hexapod_chain(
         [rad].
     ball_swing
         How far the leg swings in the ball at the platform from where it stands at home [rad].
+    lead
+        Travel of the screw per whole turn of the rod in its nut, positive if a right-handed turn about the direction
+        from base to platform lengthens the leg; default: no screws [m].
     home
         Platform frame in the world at home; default: level, its points centred above the base points, so high that
         the mean leg length is in the middle of the stroke.
@@ -89,12 +109,16 @@ def hexapod_chain(
     -------
     ClosedChain
         Legs in the order of the base points; motors ``leg1`` to ``leg6``. Its report names bodies that are longer than
-        the shortest leg, as those are that were made for another stroke.
+        the shortest leg, as those are that were made for another stroke. With screws the motors read what the leg
+        would be long if its rod had not turned; lengths are ``leg1_length`` and so on, turns ``leg1_spin``; a rotor
+        is the armature of its motor, moment of inertia × (2π / lead)², see `with_joint_physics`.
 
     Raises
     ------
     InputError
-        If the joint type is unknown, the stroke is empty, a swing is not above zero, or a leg has no length at home.
+        If the joint type is unknown, the stroke is empty, a swing is not above zero, or a leg has no length at home. If
+        screws are asked for with spherical lower joints, which leave the spin to nobody, with a lead of zero, or with
+        a leg along the platform's x at home.
     MechanismError
         If an inertia is unphysical, or home stands beyond the stroke or the swing of a leg.
     """
@@ -103,13 +127,15 @@ def hexapod_chain(
     _require_inertias(platform=platform, lower=lower, upper=upper, **({} if base is None else {"base": base}))
     low, high = read_stroke(stroke)
     _require_angles(swing=swing, ball_swing=ball_swing)
+    if lead is not None:
+        _require_screw(lead, lower_joint, ball_swing)
     pose = pin.SE3(np.eye(3), default_home(hexapod, low, high)) if home is None else as_pose("home", home)
     ends = zip(hexapod.base_points, hexapod.platform_points, strict=True)
     legs = [
-        _Leg(f"leg{number}", foot, head, pose, 2 if lower_joint == "universal" else 3)
+        _Leg(f"leg{number}", foot, head, pose, 2 if lower_joint == "universal" else 3, lead)
         for number, (foot, head) in enumerate(ends, start=1)
     ]
-    cylinders = [leg.cylinder(low, high, effort, velocity) for leg in legs]
+    cylinders = [leg.cylinders(low, high, effort, velocity) for leg in legs]
     mechanism = Mechanism(
         name,
         (
@@ -119,9 +145,10 @@ def hexapod_chain(
         ),
         (
             Joint("platform_pose", JointKind.FLOATING, "base", "platform", pin.SE3.Identity()),
-            *(x for leg, last in zip(legs, cylinders, strict=True) for x in (*leg.feet(swing), last)),
+            *(x for leg, last in zip(legs, cylinders, strict=True) for x in (*leg.feet(swing), *last)),
         ),
-        tuple(leg.ball(ball_swing) for leg in legs),
+        tuple(leg.top(ball_swing) for leg in legs),
+        tuple(screw for leg in legs for screw in leg.screws()),
         platform="platform",
         home={"platform_pose": pin.SE3ToXYZQUAT(pose)}
         | {k: x for leg in legs for k, x in leg.home().items()},
@@ -143,6 +170,17 @@ def _require_angles(**given: float) -> None:
             raise InputError(f"{argument} must be an angle above zero, got {value!r}")
 
 
+def _require_screw(lead: float, lower_joint: LowerJoint, ball_swing: float) -> None:
+    if not isinstance(lead, int | float | np.number) or not np.isfinite(lead) or lead == 0.0:
+        raise InputError(f"lead must be the travel per turn, a number other than zero [m], got {lead!r}")
+    if lower_joint != "universal":
+        raise InputError("a screw needs lower_joint='universal': on a spherical one nothing holds its nut")
+    if not np.isinf(ball_swing):
+        raise InputError(
+            f"ball_swing={ball_swing:g}: with a lead the platform is on universal joints, not on balls"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class _Leg:
     """A leg from its point on the base to that on the platform [m], the platform's pose, hinges of its lower joint."""
@@ -152,6 +190,7 @@ class _Leg:
     head: FloatArray
     pose: pin.SE3
     hinges: int
+    lead: float | None = None
 
     @property
     def vector(self) -> FloatArray:
@@ -167,6 +206,8 @@ class _Leg:
 
     def links(self, lower: pin.Inertia, upper: pin.Inertia) -> list[Link]:
         bodies = [Link(f"{self.name}_lower", lower), Link(f"{self.name}_upper", upper)]
+        if self.lead is not None:
+            bodies += [Link(f"{self.name}_sleeve"), Link(f"{self.name}_nut")]
         return [*(Link(cross) for cross in self.crosses()), *bodies]
 
     def feet(self, swing: float) -> list[Joint]:
@@ -187,15 +228,40 @@ class _Leg:
             )  # fmt: skip
         return joints
 
-    def cylinder(self, low: float, high: float, effort: float, velocity: float) -> Joint:
-        """Motor of the leg."""
-        return Joint(
-            self.name, JointKind.PRISMATIC, f"{self.name}_lower", f"{self.name}_upper", pin.SE3.Identity(), _Z,
-            low, high, effort, velocity, independent=True,
-        )  # fmt: skip
+    def cylinders(self, low: float, high: float, effort: float, velocity: float) -> list[Joint]:
+        """Motor of the leg; with a screw the slide and the spin of its rod as well."""
+        lower, upper, here = f"{self.name}_lower", f"{self.name}_upper", pin.SE3.Identity()
+        if self.lead is None:
+            return [
+                Joint(
+                    self.name, JointKind.PRISMATIC, lower, upper, here, _Z,
+                    low, high, effort, velocity, independent=True,
+                )
+            ]  # fmt: skip
+        sleeve, nut = f"{self.name}_sleeve", f"{self.name}_nut"
+        return [
+            Joint(f"{self.name}_length", JointKind.PRISMATIC, lower, sleeve, here, _Z, low, high),
+            Joint(f"{self.name}_spin", JointKind.REVOLUTE, sleeve, upper, here, _Z),
+            Joint(
+                self.name, JointKind.PRISMATIC, lower, nut, here, _Z,
+                effort=effort, velocity=velocity, independent=True,
+            ),
+        ]  # fmt: skip
 
-    def ball(self, swing: float) -> Loop:
-        """Joint at the platform, which closes the loop; its z is along the leg where the swing has a limit."""
+    def screws(self) -> list[Coupling]:
+        """Couple the three by the thread: length = reading + lead / 2π × spin."""
+        if self.lead is None:
+            return []
+        turning = ((f"{self.name}_spin", self.lead / (2 * np.pi)),)
+        return [Coupling(f"{self.name}_screw", f"{self.name}_length", self.name, (0.0, 1.0), turning)]
+
+    def top(self, swing: float) -> Loop:
+        """Joint at the platform, which closes the loop; z of a ball is along the leg where the swing has a limit."""
+        if self.lead is not None:
+            return Loop(
+                f"{self.name}_universal", JointKind.UNIVERSAL, "platform", f"{self.name}_upper",
+                pin.SE3(np.eye(3), self.head), pin.SE3.Identity(), axis=_X, axis2=self._across(),
+            )  # fmt: skip
         stated = not np.isinf(swing)
         along = _along(self.pose.rotation.T @ self.vector) if stated else np.eye(3)
         return Loop(
@@ -204,8 +270,24 @@ class _Leg:
             bounds=(Bounds(position=(-inf, swing)), Bounds()) if stated else (),
         )  # fmt: skip
 
+    def _across(self) -> FloatArray:
+        """(3,) second axis of the upper universal joint in the rod, which has not turned at home."""
+        across = np.cross(self.vector, self.pose.rotation[:, 0])
+        size = float(np.linalg.norm(across))
+        if size < _ALONG * float(np.linalg.norm(self.vector)):
+            raise InputError(
+                f"{self.name} stands along the platform's x at home, where its upper universal joint is locked; turn "
+                "the platform's axes, or choose another home"
+            )
+        alpha, beta = (float(self.home()[name][0]) for name in self.hinge_names())
+        leg = pin.utils.rotate("x", alpha) @ pin.utils.rotate("y", beta)
+        return leg.T @ (across / size)
+
     def home(self) -> dict[str, FloatArray]:
-        return _leg_values(self.hinge_names(), self.name, self.vector)
+        values = _leg_values(self.hinge_names(), self.name, self.vector)
+        if self.lead is not None:
+            values |= {f"{self.name}_length": values[self.name], f"{self.name}_spin": np.zeros(1)}
+        return values
 
 
 def read_stroke(stroke: tuple[float, float]) -> tuple[float, float]:

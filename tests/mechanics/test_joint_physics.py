@@ -200,6 +200,6 @@ def test_a_chain_tells_what_its_joints_do() -> None:
 
 
 def test_balls_do_not_stand_for_a_hinge_with_physics() -> None:
-    with pytest.raises(UnsupportedError, match="joint 'tip_pin' closes a loop and has damping 0.15"):
+    with pytest.raises(UnsupportedError, match=r"joint 'tip_pin' closes a loop and has damping 0\.15"):
         stp.build.loops_by_balls(effective("five_bar"))
     assert stp.build.loops_by_balls(effective("stewart")).mechanism.loops[2].physics[0].stiffness == (4.0,)
