@@ -306,12 +306,6 @@ def home_guess(chain: ClosedChain, *, inside: bool = True) -> Configuration:
                 culprit=name,
             )
         q[joint.idx_q : joint.idx_q + joint.nq] = values
-    if not pin.isNormalized(chain.model, q, 1e-3):
-        raise MechanismError(
-            "the home configuration holds a quaternion that is not of unit length",
-            path=chain.mechanism.source,
-            culprit="home",
-        )
     return pin.normalize(chain.model, q)
 
 

@@ -24,7 +24,7 @@ from stewart_pin.model.formats.xml import expanding_once
 from stewart_pin.model.roles import platform_candidates
 from stewart_pin.model.shapes import DRAWN
 from stewart_pin.model.tree import build_tree
-from stewart_pin.model.validation import keep_odd_inertias, validate
+from stewart_pin.model.validation import keep_odd_inertias, validate, with_unit_quaternions
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import as_pose
 from stewart_pin.state.state import as_chain
@@ -188,6 +188,7 @@ def open_chain(
         gravity = mechanism.gravity
     gravity = STANDARD_GRAVITY if gravity is None else as_array("gravity", gravity, (3,))
     validate(mechanism)
+    mechanism = with_unit_quaternions(mechanism)
     # Pinocchio 4.1 crashes on frame Jacobians of a model without freedoms.
     if all(joint.kind is JointKind.FIXED for joint in mechanism.joints):
         raise MechanismError(

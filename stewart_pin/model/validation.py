@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
+from decimal import Decimal
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +25,7 @@ from stewart_pin.model.description import (
     physics_coordinates,
 )
 from stewart_pin.model.joint_physics import NO_PHYSICS, JointPhysics
+from stewart_pin.tolerances import NO_DIRECTION, UNIT_QUATERNION
 from stewart_pin.typing import FloatArray
 
 _ROUND_OFF = 1e-9
@@ -478,3 +480,114 @@ def is_massless(inertia: pin.Inertia | None) -> bool:
         Whether mass and rotational inertia are zero or absent.
     """
     return inertia is None or (inertia.mass == 0 and not np.any(inertia.inertia))
+
+
+# ----------------------------------------------------------------------------------------------------
+# Quaternions that joints read, of unit length but for their digits
+#
+# Those that place something are scaled, whatever their length, as every format has it. A joint's value is another
+# matter: one that is far from unit length was meant otherwise.
+# ----------------------------------------------------------------------------------------------------
+
+SCALED = "its quaternion was scaled to length one, as its digits leave open"
+"""Note on a quaternion whose length its digits explain."""
+
+
+def unit_quaternion(quaternion: FloatArray) -> FloatArray | None:
+    """Scale a quaternion to unit length, if the digits that its numbers are printed with explain what is missing.
+
+    Zeros at the end of a number are often left out, so that the finest of the four numbers tells; whole ones are exact.
+
+    Parameters
+    ----------
+    quaternion
+        (4,) as it was read (dimensionless).
+
+    Returns
+    -------
+    numpy.ndarray or None
+        (4,) of unit length (dimensionless); the one given where it has that but for round-off; None: its digits do not
+        explain its length.
+    """
+    size = float(np.linalg.norm(quaternion))
+    if abs(size - 1.0) <= UNIT_QUATERNION:
+        return quaternion
+    open_by, entries = _left_open(quaternion), np.abs(quaternion)
+    shortest = float(np.linalg.norm(np.maximum(entries - open_by, 0.0)))
+    longest = float(np.linalg.norm(entries + open_by))
+    return quaternion / size if shortest <= 1.0 <= longest else None
+
+
+def _left_open(quaternion: FloatArray) -> FloatArray:
+    """Half a unit of the last digit of each number, printed with so many decimals or so many digits as any other."""
+    found = [Decimal(repr(float(value))).normalize() for value in quaternion]
+    decimals = max(-int(number.as_tuple().exponent) for number in found)
+    digits = max(len(number.as_tuple().digits) for number in found)
+    by_decimals = 0.5 * 10.0**-decimals if decimals > 0 else 0.0
+    # One digit alone says nothing of how the others were printed.
+    by_digits = [
+        0.5 * 10.0 ** (number.adjusted() + 1 - digits) if number and digits > 1 else 0.0 for number in found
+    ]
+    return np.maximum(by_decimals, by_digits)
+
+
+def not_of_unit_length(quaternion: FloatArray) -> str:
+    """Say that a quaternion is not of unit length, for an error.
+
+    Parameters
+    ----------
+    quaternion
+        (4,) as it was read (dimensionless).
+
+    Returns
+    -------
+    str
+        Its numbers and its length, and what to write.
+    """
+    size = float(np.linalg.norm(quaternion))
+    shown = " ".join(f"{value:.6g}" for value in quaternion)
+    remedy = "0 0 0 1 is no turn"
+    if size > NO_DIRECTION:
+        remedy = f"as a turn: {' '.join(f'{value:.6g}' for value in quaternion / size)}"
+    return f"the quaternion '{shown}' is of length {size:.6g}; write x y z w of length one, {remedy}"
+
+
+_QUATERNIONS = {JointKind.SPHERICAL: 4, JointKind.FLOATING: 7}
+"""How many values a joint reads of which the last four are a quaternion."""
+
+
+def with_unit_quaternions(mechanism: Mechanism) -> Mechanism:
+    """Scale the quaternions of the home configuration to unit length, where their digits explain that they lack it.
+
+    Parameters
+    ----------
+    mechanism
+        Description, validated.
+
+    Returns
+    -------
+    Mechanism
+        The same where all have it; else the notes tell which were scaled.
+
+    Raises
+    ------
+    MechanismError
+        If a length is not explained by digits.
+    """
+    home, notes = dict(mechanism.home), list(mechanism.notes)
+    for name, values in mechanism.home.items():
+        if len(values) != _QUATERNIONS.get(mechanism.joint(name).kind):
+            continue  # the number of values is judged with the model
+        unit = unit_quaternion(values[-4:])
+        if unit is None:
+            raise MechanismError(
+                f"joint '{name}' of the home configuration: {not_of_unit_length(values[-4:])}",
+                path=mechanism.source,
+                culprit=name,
+            )
+        if not np.array_equal(unit, values[-4:]):
+            home[name] = np.concatenate([values[:-4], unit])
+            notes.append(Note(f"joint '{name}' of the home configuration", SCALED, Outcome.CHANGED))
+    return (
+        replace(mechanism, home=home, notes=tuple(notes)) if len(notes) > len(mechanism.notes) else mechanism
+    )

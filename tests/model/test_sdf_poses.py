@@ -12,7 +12,7 @@ from stewart_pin.errors import FileFormatError, StewartPinError
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.formats.sdf import read_sdf
 from tests.model.sdf_reading import position, read, standing
-from tests.small_sdf import BODY, HOLD, frame, joint, link, sdf, write
+from tests.small_sdf import BODY, HOLD, TWO, frame, joint, link, sdf, write
 
 
 def test_links_stand_in_the_model_and_the_model_in_the_world(tmp_path: Path) -> None:
@@ -101,6 +101,28 @@ def test_angles_in_degrees_and_quaternions(tmp_path: Path) -> None:
     here = standing(read(tmp_path, *(f'<link name="{name}">{pose}</link>' for name, pose in poses.items())))
     for name in poses:
         np.testing.assert_allclose(here[name].rotation[:, 0], [0, 1, 0], atol=1e-15)
+
+
+def test_quaternions_that_joints_read_are_scaled_where_their_digits_explain_their_length(
+    tmp_path: Path,
+) -> None:
+    def joints(value: str, free: str) -> tuple[str, ...]:
+        ball = joint("j", "a", "b", "ball", xyz="")
+        ball = ball.replace(' type="ball"', f' type="ball" stewart_pin:position="{value}"')
+        floating = link("c").replace('name="c"', f'name="c" stewart_pin:position="{free}"')
+        return (*TWO, HOLD, ball, floating)
+
+    names = 'xmlns:stewart_pin="urn:stewart_pin"'
+    mechanism = read(tmp_path, *joints("0 0.48 0.52 0.71", "1 2 3 0 0 0.7 0.7"), attributes=names)
+    told = [note.subject for note in mechanism.notes if "scaled to length one, as its digits" in note.text]
+    assert told == ["link 'c'", "joint 'j'"]
+    size = float(np.linalg.norm([0.48, 0.52, 0.71]))
+    np.testing.assert_allclose(mechanism.home["j"], [0, 0.48 / size, 0.52 / size, 0.71 / size], atol=1e-15)
+    for values, owner in ((("0 0 3 4", "0 0 0 0 0 0 1"), "joint 'j'"), (("0 0 0 1", "0 0 0 0 0 0 0"), "'c'")):
+        with pytest.raises(
+            FileFormatError, match=rf"{owner}: stewart_pin:position: the quaternion .* length"
+        ):
+            read(tmp_path, *joints(*values), attributes=names)
 
 
 def test_the_pose_of_a_model_may_be_that_of_a_frame_in_it(tmp_path: Path) -> None:

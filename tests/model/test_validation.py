@@ -167,10 +167,38 @@ def test_files_are_validated(tmp_path: Path, text: str, words: str) -> None:
     assert caught.value.path.endswith("small.urdf")
 
 
-def test_a_quaternion_at_home_has_unit_length(tmp_path: Path) -> None:
-    text = robot(*ARM, link("free"), joint("fly", "base", "free", "floating"), home(fly="0 0 1 0 0 0 0"))
-    with pytest.raises(MechanismError, match="quaternion that is not of unit length"):
-        stp.load(write(tmp_path, text))
+def at_home(folder: Path, value: str, kind: str = "spherical") -> stp.ClosedChain:
+    other = joint("fly", "base", "free", kind, axis="")
+    return stp.load(write(folder, robot(*ARM, link("free"), other, home(fly=value))))
+
+
+@pytest.mark.parametrize("value", ["0.48 0.52 0.71 0", "0.5 0.5 0.7 0", "1 0 0 0.02", "0.7 0 0 0.7"])
+def test_a_quaternion_at_home_is_scaled_where_its_digits_explain_its_length(
+    tmp_path: Path, value: str
+) -> None:
+    numbers = np.array(value.split(), float)
+    for kind, before in (("spherical", ""), ("floating", "1 2 3 ")):
+        chain = at_home(tmp_path, before + value, kind)
+        fly = chain.model.joints[chain.model.getJointId("fly")]
+        ours = chain.q_home[fly.idx_q : fly.idx_q + fly.nq][-4:]
+        np.testing.assert_allclose(ours, numbers / np.linalg.norm(numbers), atol=1e-15)
+        told = "scaled to length one, as its digits leave open (joint 'fly' of the home configuration)"
+        assert f"changed: its quaternion was {told}" in str(chain.report)
+    assert "scaled" not in str(at_home(tmp_path, "0 0.6 0.8 0").report)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("0 0 0 0", "'0 0 0 0' is of length 0; write x y z w of length one, 0 0 0 1 is no turn"),
+        ("0 0 3 4", "'0 0 3 4' is of length 5; write x y z w of length one, as a turn: 0 0 0.6 0.8"),
+        ("0.480 0.521 0.711 0.001", "is of length 1.0"),
+        ("0.5 0.5 0.5 0.8", "is of length 1.17"),
+    ],
+)
+def test_a_quaternion_at_home_of_another_length_is_refused(tmp_path: Path, value: str, words: str) -> None:
+    with pytest.raises(MechanismError, match=rf"small.urdf: joint 'fly' of the home .*{words}"):
+        at_home(tmp_path, value)
 
 
 def test_a_coupling_to_a_joint_that_closes_a_loop_says_so() -> None:

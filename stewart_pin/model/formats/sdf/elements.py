@@ -14,6 +14,7 @@ from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Note, Outcome
 from stewart_pin.model.formats.words import Words, meant_word
 from stewart_pin.model.formats.xml import ElementReader, reason_to_ignore, shown_tag
+from stewart_pin.model.validation import SCALED, not_of_unit_length, unit_quaternion
 from stewart_pin.tolerances import NO_DIRECTION
 from stewart_pin.typing import FloatArray
 
@@ -513,6 +514,28 @@ class SdfReader(ElementReader):
         text = self.own(element, key)
         where = f"{owner}: {OWN_PREFIX}:{key} (line {element.sourceline})"
         return None if text is None else self.parse(text, None, where, owner)
+
+    def unit_quaternion(self, quaternion: FloatArray, owner: str) -> FloatArray:
+        """Scale what a joint reads to unit length, if its digits explain that it lacks it.
+
+        Parameters
+        ----------
+        quaternion
+            (4,) as it was read (dimensionless).
+        owner
+            Named in the message.
+
+        Returns
+        -------
+        numpy.ndarray
+            (4,) of unit length (dimensionless).
+        """
+        unit = unit_quaternion(quaternion)
+        if unit is None:
+            raise self.error(f"{owner}: {OWN_PREFIX}:position: {not_of_unit_length(quaternion)}", owner)
+        if not np.array_equal(unit, quaternion):
+            self.note(owner, SCALED, Outcome.CHANGED)
+        return unit
 
     def own_spans(
         self, element: etree._Element, owner: str, keys: Collection[str] = SPANS

@@ -16,7 +16,6 @@ from stewart_pin.model.formats.sdf.elements import OWN_LIMIT, SPANS, SdfReader, 
 from stewart_pin.model.formats.sdf.frames import MODEL, WORLD, Scope, coordinates_between, motion
 from stewart_pin.model.formats.sdf.words import WORDS
 from stewart_pin.model.formats.xml import shown_tag
-from stewart_pin.tolerances import NO_DIRECTION
 from stewart_pin.typing import FloatArray
 
 # ----------------------------------------------------------------------------------------------------
@@ -404,10 +403,7 @@ def _position(scope: Scope, element: etree._Element, kind: JointKind, owner: str
             owner,
         )
     if len(values) >= 4:
-        size = float(np.linalg.norm(values[-4:]))
-        if size < NO_DIRECTION:
-            raise scope.reader.error(f"{owner}: stewart_pin:position has a quaternion of length zero", owner)
-        values[-4:] /= size
+        values[-4:] = scope.reader.unit_quaternion(values[-4:], owner)
     return values
 
 

@@ -38,7 +38,6 @@ from stewart_pin.model.formats.sdf.words import SHAPE_TAGS, WORDS
 from stewart_pin.model.formats.xml import INERTIA_ENTRIES, shown_tag
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, fault_of_sizes
 from stewart_pin.model.validation import keep_odd_inertias
-from stewart_pin.tolerances import NO_DIRECTION
 
 _PLATFORM = "platform"
 
@@ -158,9 +157,9 @@ def _float(scope: Scope, element: etree._Element, link: str, pose: pin.SE3) -> F
     name = reader.own(element, "joint") or f"{link}_floating"
     if values is None:
         return Float(name)
-    if len(values) != 7 or np.linalg.norm(values[3:]) < NO_DIRECTION:
+    if len(values) != 7:
         raise reader.error(f"{owner}: stewart_pin:position must hold a point and a quaternion", owner)
-    values[3:] /= np.linalg.norm(values[3:])
+    values[3:] = reader.unit_quaternion(values[3:], owner)
     return Float(name, pose * pin.XYZQUATToSE3(values).inverse())
 
 
