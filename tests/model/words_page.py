@@ -12,6 +12,7 @@ from stewart_pin.model.formats.sdf import elements
 from stewart_pin.model.formats.sdf.words import WORDS
 from stewart_pin.model.formats.urdf_elements import CORE
 from stewart_pin.model.formats.usd import joints as usd_joints
+from stewart_pin.model.formats.usd import physics as usd_physics
 from stewart_pin.model.formats.usd import stage
 from stewart_pin.model.formats.words import Words
 
@@ -66,9 +67,12 @@ def _usd() -> str:
         f"PhysicsJoint that leaves {', '.join(axes)}": str(kind) for kind, axes in stage.FREE_DOFS.items()
     }
     own = {name: what for name, (_, what) in stage._FITTING.items()}
+    engines = [*(word for words in usd_physics._WORDS.values() for word in words), *usd_physics.SPRINGS]
     return (
         f"## OpenUSD\n\n{_table('joint', 'read as', types | free)}\nRefused, as what they tie is "
         f"not read: schemas with {_listed(usd_joints._UNREAD)} in their names.\n\n"
+        f"What joints do by themselves, in words of engines: {_listed(engines)}; noted: "
+        f"{_listed((*usd_physics._UNREAD, usd_physics._AXES + '...'))}.\n\n"
         f"{_table('checked attribute, words of our own', 'holds', own)}"
     )
 

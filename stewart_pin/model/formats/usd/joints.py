@@ -14,6 +14,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Bounds, JointKind, Note, Outcome, loop_coordinates
 from stewart_pin.model.formats.precision import Precision, half_unit
 from stewart_pin.model.formats.usd.bodies import Body, body_above, quaternion_of, rotation_of
+from stewart_pin.model.formats.usd.physics import own_physics, read_physics
 from stewart_pin.model.formats.usd.stage import (
     BOUNDS,
     DOFS,
@@ -27,6 +28,7 @@ from stewart_pin.model.formats.usd.stage import (
     schema_frames,
 )
 from stewart_pin.model.formats.xml import UNLIMITED
+from stewart_pin.model.joint_physics import JointPhysics
 from stewart_pin.typing import FloatArray
 
 GROUND = ""
@@ -43,6 +45,7 @@ _TYPED = {
     "PhysicsSphericalJoint": JointKind.SPHERICAL,
     "PhysicsDistanceJoint": JointKind.DISTANCE,
 }
+_GAINS = ("stiffness", "damping")
 _UNREAD = ("Tendon", "Equality", "PhysxRackAndPinion", "PhysxGear")
 """What names of schemas contain that tie bodies or joints together in ways that are not read."""
 
@@ -67,6 +70,10 @@ class Edge:
         Distance that a rod keeps [m].
     bounds
         What each coordinate may do, as of `Loop`; empty: nothing is stated.
+    physics
+        What it does by itself along each of `coordinates_with_physics`; empty: nothing.
+    drawn
+        Whether springs are told about where the stage places the bodies.
     motors
         Which coordinates a drive moves.
     excluded
@@ -86,6 +93,8 @@ class Edge:
     axis2: FloatArray = field(default_factory=lambda: np.array([0.0, 1.0, 0.0]))
     length: float = 0.0
     bounds: tuple[Bounds, ...] = ()
+    physics: tuple[JointPhysics, ...] = ()
+    drawn: bool = False
     motors: frozenset[int] = frozenset()
     excluded: bool = False
     home: FloatArray | None = None
@@ -100,12 +109,12 @@ class Edge:
             With the same coordinates, but for planar joints, whose slides are those of the other body.
         """
         axis, axis2 = -self.axis, self.axis2
-        bounds, motors = self.bounds, self.motors
+        bounds, motors, physics = self.bounds, self.motors, self.physics
         if self.kind is JointKind.UNIVERSAL:
             axis, axis2, bounds = -self.axis2, -self.axis, bounds[::-1]
-            motors = frozenset(1 - number for number in motors)
+            motors, physics = frozenset(1 - number for number in motors), physics[::-1]
         elif self.kind is JointKind.PLANAR:
-            bounds = ()
+            bounds, physics = (), ()
         elif self.kind is JointKind.SPHERICAL:
             axis = self.axis
         return replace(
@@ -116,6 +125,7 @@ class Edge:
             axis2=axis2,
             bounds=bounds,
             motors=motors,
+            physics=physics,
             home=None,
         )
 
@@ -208,7 +218,7 @@ class JointReader:
         return any(
             self.stage.value(prim, f"drive:{instance}:physics:{gain}", 0.0) != 0
             for instance in _instances(prim, "PhysicsDriveAPI")
-            for gain in ("stiffness", "damping")
+            for gain in _GAINS
         )
 
     def _edge(self, prim: Any, path: str) -> Edge | None:
@@ -242,6 +252,8 @@ class JointReader:
         )
         if all(bound == _OPEN for bound in edge.bounds):
             edge = replace(edge, bounds=())
+        physics, drawn = read_physics(stage, prim, path, kind)
+        edge = replace(edge, physics=physics, drawn=drawn)
         edge = self._with_axes(prim, edge, dofs)
         if kind is JointKind.SPHERICAL:
             edge = replace(edge, bounds=self._cone(prim, path))
@@ -464,6 +476,12 @@ class JointReader:
         for name in instances:
             if name not in dofs:
                 self.stage.note(path, f"PhysicsDriveAPI:{name}: a {kind} joint has no such coordinate")
+            gains = [self.stage.value(prim, f"drive:{name}:physics:{gain}", 0.0) for gain in _GAINS]
+            if any(gains):
+                text = (
+                    f"gains {gains[0]:g}, {gains[1]:g} of its drive: a servo's; a motor gives what it is told"
+                )
+                self.stage.note(path, text)
         if kind is JointKind.PLANAR or kind is JointKind.CYLINDRICAL or kind is JointKind.UNIVERSAL:
             return frozenset(number for number, dof in enumerate(dofs) if dof in instances)
         return frozenset({0} if set(instances) & set(dofs) else ())
@@ -511,6 +529,8 @@ class JointReader:
         bounds = _own_bounds(stage.own(prim, "bounds"), edge.kind)
         if bounds is not None and _round_alike(bounds, edge):
             mine = replace(mine, bounds=bounds)
+        physics, ours = own_physics(stage, prim, edge.path, edge.kind, edge.physics)
+        mine = replace(mine, physics=physics, drawn=edge.drawn and not ours)
         home = stage.own(prim, "home")
         motors = edge.motors if stage.own(prim, "motor") or not edge.motors else frozenset[int]()
         return replace(mine, home=None if home is None else np.array(home, dtype=float), motors=motors)

@@ -29,6 +29,8 @@ SINGLE = 2.0**-22
 """How far numbers may be apart, relatively, that single precision does not tell apart: a few times its last bit."""
 BOUNDS = ("position", "velocity", "acceleration", "effort", "jerk")
 """Limits of a coordinate, in the order in which our own word holds them, both ends of each."""
+PHYSICS = ("armature", "damping", "friction", "stiffness", "rest", "force")
+"""What a joint does by itself along each of its coordinates, in words of our own."""
 DOFS = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
 FREE_DOFS = {
     # About or along x of both frames; a universal joint turns about y of frame 0 and x of frame 1.
@@ -266,6 +268,7 @@ _FITTING: dict[str, _Fitting] = {
     },
     **{f"{OWN}{name}": _are_numbers(count, finite=True) for name, count in {"axis2": 3, "length": 1}.items()},
     **{f"{OWN}{name}": _are_numbers(finite=name != "bounds") for name in ("bounds", "home", "polynomial")},
+    **{f"{OWN}{name}": _are_numbers(finite=True) for name in PHYSICS},
     **{f"{OWN}frame{number}": (_is_placement, "a placement") for number in (0, 1)},
     **{f"{OWN}{name}": _FLAG for name in ("motor", "massless", "odd_inertia", "assembled")},
     **{f"{OWN}{name}": _TEXT for name in ("link", "joint", "kind", "robot", "platform", "shape")},

@@ -23,6 +23,8 @@ _POSED = 1e-3
 """Largest gap, in sizes of the robot and radians, with which the stage still places the bodies of a joint."""
 _ALIAS = "\0world"
 """Stands for the name of a moving body that is called as the ground is."""
+_STRAIGHT = 1e-6
+"""Angle [rad] below which frames of single precision coincide."""
 _NO_TREE = (JointKind.DISTANCE, JointKind.POINT_ON_LINE)
 """Kinds that hang no body."""
 
@@ -52,7 +54,7 @@ class TreeMaker:
     ) -> None:
         self.stage = stage
         self.bodies = bodies
-        self.edges = edges
+        self.edges = [self._with_rest(edge) for edge in edges]
         self.ground = WORLD if ground is None else bodies[ground].link.name
         self.names = {path: body.link.name for path, body in bodies.items()}
         self.names[GROUND] = WORLD
@@ -132,7 +134,10 @@ class TreeMaker:
         )
 
     def _split(self, needed: set[str]) -> tuple[list[Edge], list[Edge]]:
-        """Choose a spanning tree: motors and followers first, then what the file keeps in articulations."""
+        """Choose a spanning tree: motors and followers first, then rotors, then what the file keeps in articulations.
+
+        A rotor is one of a coordinate of the tree; a joint that closes a loop has none.
+        """
         group = {path: path for path in (GROUND, *self.bodies)}
 
         def top(path: str) -> str:
@@ -143,7 +148,9 @@ class TreeMaker:
         def rank(edge: Edge) -> int:
             if edge.motors or edge.name in needed or edge.kind is JointKind.FLOATING:
                 return 0
-            return 2 if edge.excluded else 1
+            if any(own.armature for own in edge.physics):
+                return 1
+            return 3 if edge.excluded else 2
 
         chosen: set[str] = set()
         for edge in sorted((edge for edge in self.edges if edge.kind not in _NO_TREE), key=rank):
@@ -179,8 +186,10 @@ class TreeMaker:
                 turned[edge.path] = edge if one in reached else edge.reversed()
                 reached |= {one, other}
                 grown = True
-                if one not in reached and edge.kind is JointKind.PLANAR and edge.bounds:
-                    self.stage.note(edge.path, "its limits: they are those of slides of the other body")
+                turned_over = one not in reached and edge.kind is JointKind.PLANAR
+                for what, told in (("limits", edge.bounds), ("springs, damping and friction", edge.physics)):
+                    if turned_over and told:
+                        self.stage.note(edge.path, f"its {what}: they are those of slides of the other body")
             if not grown:
                 ends = {edge.bodies[1] for edge in edges if edge.path not in turned}
                 free = [edge.bodies[0] for edge in edges if edge.path not in turned]
@@ -209,7 +218,7 @@ class TreeMaker:
         first, second = (self.ground if end == GROUND else self.names[end] for end in edge.bodies)
         return Loop(
             edge.name, edge.kind, first, second, *edge.frames,
-            axis=edge.axis, axis2=edge.axis2, length=edge.length, bounds=edge.bounds,
+            axis=edge.axis, axis2=edge.axis2, length=edge.length, bounds=edge.bounds, physics=edge.physics,
         )  # fmt: skip
 
     # ------------------------------------------------------------------------------------------------
@@ -223,6 +232,19 @@ class TreeMaker:
             for end, frame in zip(edge.bodies, edge.frames, strict=True)
         ]
         return placed[0].inverse() * placed[1]
+
+    def _with_rest(self, edge: Edge) -> Edge:
+        """Count the rest of a spring from the zero of its coordinate."""
+        if not edge.drawn:
+            return edge
+        (own,), apart = edge.physics, self._apart(edge)
+        if edge.kind is JointKind.SPHERICAL:
+            if np.linalg.norm(pin.log3(apart.rotation)) > _STRAIGHT:
+                text = "its spring is at rest where its frames coincide, in MuJoCo where the stage places its bodies"
+                self.stage.note(edge.path, text, Outcome.CHANGED)
+            return edge
+        ((at,),) = coordinates(edge, apart)
+        return replace(edge, physics=(replace(own, rest=own.rest + float(at)),))
 
     def _values(self, edge: Edge, joints: Sequence[Joint]) -> tuple[list[FloatArray], float]:
         """Read the coordinates of a joint of the tree, and what it misses its bodies by."""
@@ -360,7 +382,8 @@ def _coordinates(edge: Edge) -> tuple[str, ...]:
 
 
 def _limited(joint: Joint, edge: Edge, number: int) -> Joint:
-    joint = replace(joint, independent=number in edge.motors)
+    physics = edge.physics[number] if edge.physics else joint.physics
+    joint = replace(joint, independent=number in edge.motors, physics=physics)
     if not edge.bounds:
         return joint
     if edge.kind is JointKind.SPHERICAL:

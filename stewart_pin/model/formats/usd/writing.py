@@ -7,6 +7,7 @@ schema has no word for, go along in attributes of our own.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ from stewart_pin.model.description import (
     unknown_kind,
 )
 from stewart_pin.model.formats.dialect import write_files
+from stewart_pin.model.formats.usd.physics import engine_words, own_words
 from stewart_pin.model.formats.usd.stage import (
     BOUNDS,
     DOFS,
@@ -43,6 +45,7 @@ from stewart_pin.model.formats.usd.stage import (
     schema_frames,
     usd,
 )
+from stewart_pin.model.joint_physics import JointPhysics
 from stewart_pin.model.shapes import Shape, ShapeKind
 from stewart_pin.model.tree import build_tree, link_frame
 from stewart_pin.model.unfolding import fixed_to
@@ -50,6 +53,8 @@ from stewart_pin.model.validation import is_massless
 from stewart_pin.typing import FloatArray
 
 _TEXT = (".usda", ".usd")
+_ENGINES = ("NewtonJointAPI", "PhysxJointAPI")
+"""Schemas of engines that know rotors, damping and friction of joints."""
 
 
 def write_usd(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
@@ -386,6 +391,7 @@ class _UsdWriter:
             prim.GetAttribute("physics:excludeFromArticulation").Set(True)
         if joint.name in self.mechanism.home:
             self._numbers(prim, "home", self.mechanism.home[joint.name])
+        self._physics(prim, f"joint '{joint.name}'", joint.kind, (joint.physics,) if joint.physics else ())
         if joint.kind is JointKind.SPHERICAL:
             self._bounds(prim, joint.kind, _ball_bounds(joint))
         if joint.has_axis:
@@ -417,6 +423,7 @@ class _UsdWriter:
             for name in ("physics:minDistance", "physics:maxDistance"):
                 prim.GetAttribute(name).Set(loop.length)
             self._numbers(prim, "length", np.array([loop.length]))
+        self._physics(prim, f"loop '{loop.name}'", loop.kind, loop.physics)
         leaning = loop.kind is JointKind.UNIVERSAL and abs(loop.axis @ loop.axis2) >= PERPENDICULAR
         self._bounds(prim, loop.kind, loop.bounds, in_schema=not leaning)
 
@@ -443,6 +450,22 @@ class _UsdWriter:
                 self._speed(prim, bound, angular=angular)
             elif in_schema and np.isfinite([low, high]).any():
                 self._limit(prim, FREE_DOFS[kind][number], float(low), float(high))
+
+    def _physics(self, prim: Any, owner: str, kind: JointKind, physics: tuple[JointPhysics, ...]) -> None:
+        for word, numbers in own_words(physics).items():
+            self._numbers(prim, word, numbers)
+        alone = [str(own) for own in physics if own]
+        if len(physics) == 1 and kind is not JointKind.FLOATING:
+            for schema, words in zip(_ENGINES, engine_words(kind, physics[0]), strict=True):
+                if words:
+                    prim.AddAppliedSchema(schema)
+                for word, value in words.items():
+                    prim.CreateAttribute(word, self.usd.Sdf.ValueTypeNames.Float, custom=False).Set(value)
+            own = replace(physics[0], armature=0.0, damping=0.0, friction=0.0)
+            alone = [str(own)] if own else []
+        if alone:
+            text = f"{'; '.join(alone)}: in words of our own alone, as engines have no others for it"
+            self.notes.append(Note(owner, text))
 
     def _speed(self, prim: Any, bound: Bounds, *, angular: bool) -> None:
         """Write a limit of speed as PhysX has it, in degrees per second."""
