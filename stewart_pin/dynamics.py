@@ -3,7 +3,6 @@
 from stewart_pin.mechanics.articulated_body.loops import (
     closed_chain_articulated_body as closed_chain_articulated_body,
 )
-from stewart_pin.mechanics.articulated_body.passes import BaseMotion as BaseMotion
 from stewart_pin.mechanics.closed_forms import Admission as Admission
 from stewart_pin.mechanics.closed_forms import closed_forms as closed_forms
 from stewart_pin.mechanics.constraint_matrix.system import ConstraintMatrixSystem as ConstraintMatrixSystem
@@ -32,3 +31,4 @@ from stewart_pin.mechanics.vibration import Vibration as Vibration
 from stewart_pin.mechanics.vibration import frequency_response as frequency_response
 from stewart_pin.mechanics.vibration import platform_compliance as platform_compliance
 from stewart_pin.mechanics.vibration import platform_stiffness as platform_stiffness
+from stewart_pin.state.base_motion import BaseMotion as BaseMotion

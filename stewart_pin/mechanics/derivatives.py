@@ -220,9 +220,16 @@ def force_derivatives(
     """
     chain, model, unit = state.chain, state.chain.mass_model, state.chain.mass_unit
     reactions = reaction_forces(chain, state.q, lambda_c / unit)
+    motion, forces, first = (state.q, state.v, a), reactions.forces, 0
+    if state.base_motion is not None:
+        ground, first = chain.moving_ground, 6
+        model, motion = ground.model, ground.state(state.base_motion, *motion)
+        forces = pin.StdVec_Force()
+        forces.extend([pin.Force.Zero(), *reactions.forces])
     data = pin.Data(model)
-    pin.computeRNEADerivatives(model, data, state.q, state.v, a, reactions.forces)
-    force_q, force_v = (np.array(x).reshape(chain.nv, chain.nv) for x in (data.dtau_dq, data.dtau_dv))
+    pin.computeRNEADerivatives(model, data, *motion, forces)
+    size = first + chain.nv
+    force_q, force_v = (np.array(x).reshape(size, size)[first:, first:] for x in (data.dtau_dq, data.dtau_dv))
     force_q = unit * (force_q - reactions.derivative)
     if outside is not None:
         force_q = force_q - outside_effort_derivative(state, outside)

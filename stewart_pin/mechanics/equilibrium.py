@@ -104,7 +104,7 @@ def linearise(
     Springs and damping of joints count (`with_joint_physics`), dry friction does not. Idle freedoms with inertia but
     nothing that holds them stay in the system, with zero eigenvalues; those without inertia do not move.
     """
-    state = as_state(chain, q)
+    state = as_state(chain, q).require_still_ground("linearise")
     state = State(without_dry_friction(state.chain), state.q)  # at rest
     chain = state.chain
     needed = inverse_dynamics(state, wrenches=wrenches)

@@ -110,8 +110,8 @@ def _accelerated(state: State, tau: FloatArray, method: Method | None) -> Motion
     """Accelerate the tree under joint efforts (nv,), its loops closed."""
     chain = state.chain
     if method == "constraint_dynamics":
-        return _constraint_dynamics(state, tau)
-    if method is None and state.drive is not None and chain.known_to_pinocchio:
+        return _constraint_dynamics(state.require_still_ground("pinocchio.constraintDynamics"), tau)
+    if method is None and state.drive is not None and state.base_motion is None and chain.known_to_pinocchio:
         motion = _by_pinocchio(state, tau)
         if motion is not None:
             return motion

@@ -19,7 +19,7 @@ from stewart_pin.state.relative_motion import LoopEnds
 from stewart_pin.state.row_derivatives import loop_wrench, reaction_forces
 from stewart_pin.state.state import State, as_state
 from stewart_pin.tolerances import TAKES_PART
-from stewart_pin.typing import ArrayLike, FloatArray
+from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 _BALANCE = 1e-6
 """Part of the joints' efforts, relative to the largest, that may be left over: that of another state leaves more."""
@@ -112,7 +112,8 @@ def joint_reactions(
     pin.computeJointJacobians(model, data, q)  # and placements in the world, which rnea leaves alone
     loops = reaction_forces(chain, q, effort.lambda_c / unit)
     forces = loops.forces if outside is None else with_outside(state, outside, loops.forces, unit)
-    balance = unit * (np.array(pin.rnea(model, data, q, v, effort.a, forces)) - loops.efforts)
+    balance, carried_by = _tree_balance(state, data, effort.a, forces)
+    balance = unit * (balance - loops.efforts)
     carried = float(np.abs(balance).max(initial=0.0))
     balance[chain.motor_index] -= effort.tau_motor
     size = max(carried, float(np.abs(effort.lambda_c).max(initial=0.0)) * chain.length_scale, _NO_LOAD * unit)
@@ -129,11 +130,27 @@ def joint_reactions(
         if number == 0 or chain.mechanism.joint(name).kind is JointKind.FLOATING:
             continue
         joint, placement = chain.mechanism.joint(name), data.oMi[number]
-        force = pin.Force(unit * data.f[number].vector)
+        force = pin.Force(unit * carried_by[number].vector)
         reactions.append(
             _reaction(name, joint.parent, joint.child, placement, force, unique=joints_unique[number])
         )
     return (*reactions, *_loop_reactions(chain, data, effort, loops_unique))
+
+
+def _tree_balance(
+    state: State, data: pin.Data, a: Tangent, forces: pin.StdVec_Force
+) -> tuple[FloatArray, list[pin.Force]]:
+    """Joint efforts (nv,) of the tree under forces on its bodies, and what every joint carries, by Newton and Euler."""
+    chain = state.chain
+    if state.base_motion is None:
+        efforts = pin.rnea(chain.mass_model, data, state.q, state.v, a, forces)
+        return np.array(efforts), list(data.f)
+    ground = chain.moving_ground
+    whole, on_ground = pin.Data(ground.model), pin.StdVec_Force()
+    on_ground.extend([pin.Force.Zero(), *forces])
+    motion = ground.state(state.base_motion, state.q, state.v, a)
+    efforts = np.array(pin.rnea(ground.model, whole, *motion, on_ground))[6:]
+    return efforts + np.array(chain.mass_model.armature) * a, list(whole.f)[1:]
 
 
 def _uniqueness(state: State) -> tuple[list[bool], list[bool]]:

@@ -286,7 +286,7 @@ def platform_compliance(
 
 
 def _at_rest(state: State) -> State:
-    chain = without_dry_friction(state.chain)
+    chain = without_dry_friction(state.require_still_ground("a vibration").chain)
     return state if chain is state.chain and not state.v.any() else State(chain, state.q)
 
 

@@ -25,6 +25,7 @@ from stewart_pin.model.loop_table import LoopTable, build_loop_table, support
 from stewart_pin.model.roles import mark_motors, motor_candidates, platform_candidates
 from stewart_pin.model.sizes import length_scale
 from stewart_pin.model.tree import Limits, build_limits, link_frame, mass_unit, with_masses_in
+from stewart_pin.state.base_motion import BaseMotion, MovingGround
 from stewart_pin.state.describing import describe
 from stewart_pin.state.generic import Generic, find_generic
 from stewart_pin.state.joint_effects import JointEffects
@@ -371,6 +372,11 @@ class ClosedChain:
         return Pool(lambda: Scratch(self.model))
 
     @cached_property
+    def moving_ground(self) -> MovingGround:
+        """The tree on a ground that moves, see `BaseMotion`."""
+        return MovingGround(self)
+
+    @cached_property
     def constrained_dynamics(self) -> Pool[ConstrainedDynamics]:
         """Memory for Pinocchio's constrained dynamics of this chain, see `known_to_pinocchio`."""
         return Pool(lambda: ConstrainedDynamics(self))
@@ -413,7 +419,14 @@ class ClosedChain:
         moved.__dict__.update(kept)
         return moved
 
-    def at(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> State:
+    def at(
+        self,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        a: ArrayLike | None = None,
+        *,
+        base_motion: BaseMotion | None = None,
+    ) -> State:
         """Make a state of this chain, of which every quantity is computed once, when it is first asked for.
 
         Parameters
@@ -424,6 +437,9 @@ class ClosedChain:
             (nv,) tangent velocity; default: rest [m/s, rad/s].
         a
             (nv,) tangent acceleration; default: zero at rest, otherwise none [m/s², rad/s²].
+        base_motion
+            How the ground moves in an inertial frame, as of a ship; q, v, a and poses are relative to it, gravity and
+            wrenches from outside stand in inertial axes; default: it rests.
 
         Returns
         -------
@@ -433,7 +449,7 @@ class ClosedChain:
         Raises
         ------
         InputError
-            If a shape is wrong, an entry is not finite, or a quaternion is not of unit length.
+            If a shape is wrong, an entry is not finite, a quaternion is not of unit length, or the motion is none.
 
         Examples
         --------
@@ -443,7 +459,7 @@ class ClosedChain:
         >>> stp.inverse_dynamics(state).tau_motor.round(2)
         array([49.99, 49.99, 49.99, 49.99, 49.99, 49.99])
         """
-        return checked_state(self, q, v, a)
+        return checked_state(self, q, v, a, base_motion)
 
     def described(self) -> Mechanism:
         """Return the description with this chain's own motors, platform, home, gravity and rotors written into it.

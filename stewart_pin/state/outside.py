@@ -427,7 +427,7 @@ def outside_efforts(state: State, outside: OutsideWrenches) -> FloatArray:
     numpy.ndarray
         (nv,) [N, N m].
     """
-    at_origin = _at_origin(_points(state, outside), outside.values)
+    at_origin = _at_origin(_points(state, outside), _values(state, outside))
     return ((at_origin @ state._joints) * state.chain.carriers[outside.joints]).sum(axis=0)
 
 
@@ -470,7 +470,7 @@ def outside_effort_derivative(state: State, outside: OutsideWrenches) -> FloatAr
     carriers = [number for number, joint in enumerate(chain.model.joints) if number for _ in range(joint.nv)]
     carried = chain.carriers[carriers]  # row i: what moves the axis of entry i, or its carrier
     derivative = np.zeros((chain.nv, chain.nv))
-    for joint, point, value in zip(outside.joints, points, outside.values, strict=True):
+    for joint, point, value in zip(outside.joints, points, _values(state, outside), strict=True):
         force, moment = value[:3], value[3:] + np.cross(point, value[:3])
         # A motion j below the axis i turns and shifts it, s_j × s_i, and moves the point at which the force acts:
         # d(s_iᵀ w) = (s_j × s_i)ᵀ w + ω_iᵀ (dp_j × F), with s_j × s_i = [ω_j × v_i + v_j × ω_i; ω_j × ω_i].
@@ -507,11 +507,18 @@ def with_outside(
     """
     total = pin.StdVec_Force()
     total.extend(forces)
-    for joint, point, value in zip(outside.joints, outside.points, outside.values / unit, strict=True):
+    for joint, point, value in zip(
+        outside.joints, outside.points, _values(state, outside) / unit, strict=True
+    ):
         turned = state._placed.rotation[joint].T
         force, moment = turned @ value[:3], turned @ value[3:]
         total[int(joint)] += pin.Force(force, moment + np.cross(point, force))
     return total
+
+
+def _values(state: State, outside: OutsideWrenches) -> FloatArray:
+    """Wrenches (k, 6) in axes of the ground, which are those of the world unless it moves [N, N m]."""
+    return outside.values if state.base_motion is None else state.base_motion.to_base(outside.values)
 
 
 def _points(state: State, outside: OutsideWrenches) -> FloatArray:

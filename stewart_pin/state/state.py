@@ -11,7 +11,8 @@ import pinocchio as pin
 from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.checks import as_array
-from stewart_pin.errors import InputError, SingularityError
+from stewart_pin.errors import InputError, SingularityError, UnsupportedError
+from stewart_pin.state.base_motion import BaseMotion
 from stewart_pin.state.freedom import Freedom, Motions, split_motions
 from stewart_pin.state.joint_effects import Effects
 from stewart_pin.state.loop_rows import (
@@ -57,18 +58,26 @@ class State:
         (nv,) tangent velocity; at rest unless given [m/s, rad/s].
     a
         (nv,) tangent acceleration; zero for a state at rest, None for a moving one unless given [m/s², rad/s²].
+    base_motion
+        How the ground moves in an inertial frame, None: it rests. Positions, velocities and poses are relative to it.
     """
 
     chain: ClosedChain
     q: Configuration
     v: Tangent
     a: Tangent | None
+    base_motion: BaseMotion | None
 
     def __init__(
-        self, chain: ClosedChain, q: Configuration, v: Tangent | None = None, a: Tangent | None = None
+        self,
+        chain: ClosedChain,
+        q: Configuration,
+        v: Tangent | None = None,
+        a: Tangent | None = None,
+        base_motion: BaseMotion | None = None,
     ) -> None:
         own = self.__dict__
-        own["chain"], own["q"] = chain, _frozen(q)
+        own["chain"], own["q"], own["base_motion"] = chain, _frozen(q), base_motion
         if v is None:
             own["v"] = chain.rest
             own["a"] = chain.rest if a is None else _frozen(a)
@@ -81,7 +90,7 @@ class State:
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return State, (self.chain, self.q, self.v, self.a)
+        return State, (self.chain, self.q, self.v, self.a, self.base_motion)
 
     def __repr__(self) -> str:
         moving = "at rest" if not self.v.any() else f"largest rate {np.abs(self.v).max():.3g}"
@@ -253,17 +262,23 @@ class State:
     @once
     def nle(self) -> FloatArray:
         """(nv,) joint efforts without acceleration: against weight, Coriolis and centrifugal forces [N, N m]."""
+        if self.base_motion is not None:
+            return self._on_moving_ground(pin.rnea, "qva", self.chain.rest)
         return self._by_pinocchio(pin.nonLinearEffects, self.v)
 
     @once
     def weight(self) -> FloatArray:
         """(nv,) joint efforts against weight alone [N, N m]."""
+        if self.base_motion is not None:
+            return self._on_moving_ground(pin.computeGeneralizedGravity, "q")
         return self._by_pinocchio(pin.computeGeneralizedGravity)
 
     @once
     def coriolis(self) -> FloatArray:
         """(nv, nv) Coriolis matrix C of the tree; the rate of M is C + Cᵀ [kg/s, kg m/s, kg m²/s]."""
         nv = self.chain.nv
+        if self.base_motion is not None:
+            return self._on_moving_ground(pin.computeCoriolisMatrix, "qv")[:, 6:]
         return np.reshape(self._by_pinocchio(pin.computeCoriolisMatrix, self.v), (nv, nv))
 
     @once
@@ -287,7 +302,22 @@ class State:
         numpy.ndarray
             (nv,) [N, N m].
         """
+        if self.base_motion is not None:
+            # Rotors turn with their joints alone, wherever the ground goes.
+            return self._on_moving_ground(pin.rnea, "qva", a) + np.array(self.chain.model.armature) * a
         return self._by_pinocchio(pin.rnea, self.v, a)
+
+    def _on_moving_ground(
+        self, algorithm: Callable[..., FloatArray], given: str, a: Tangent | None = None
+    ) -> FloatArray:
+        """Ask Pinocchio about the tree on its moving ground; the rows of the joints, masses in kg."""
+        assert self.base_motion is not None
+        ground, scratch = self.chain.moving_ground, self.chain.moving_ground.scratches.take()
+        whole = ground.state(self.base_motion, self.q, self.v, self.chain.rest if a is None else a)
+        found = algorithm(ground.model, scratch.data, *whole[: len(given)])
+        found = self.chain.mass_unit * np.array(found)[6:]
+        ground.scratches.give(scratch)
+        return found
 
     def _by_pinocchio(self, algorithm: Callable[..., FloatArray], *given: Tangent) -> FloatArray:
         """Ask Pinocchio about the tree; a copy of what it finds, masses in kg."""
@@ -389,6 +419,31 @@ class State:
         self._closed  # noqa: B018 - raises
         if self.drive is None or self.largest_gap > DIGITS * self.drive.regularity:
             self._regular  # noqa: B018 - raises
+        return self
+
+    def require_still_ground(self, verb: str) -> State:
+        """Refuse a ground that moves, where a verb does not know of it.
+
+        Parameters
+        ----------
+        verb
+            Its name.
+
+        Returns
+        -------
+        State
+            This one.
+
+        Raises
+        ------
+        UnsupportedError
+            If the state has a `BaseMotion`.
+        """
+        if self.base_motion is not None:
+            raise UnsupportedError(
+                f"{verb} knows of no ground that moves; pass a state without base_motion, or ask inverse_dynamics, "
+                "forward_dynamics, joint_reactions or operational_dynamics"
+            )
         return self
 
     def require_moving(self) -> State:
@@ -532,7 +587,11 @@ def as_state(
 
 
 def checked_state(
-    chain: ClosedChain, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None
+    chain: ClosedChain,
+    q: ArrayLike,
+    v: ArrayLike | None = None,
+    a: ArrayLike | None = None,
+    base_motion: BaseMotion | None = None,
 ) -> State:
     """Check what makes a state; see `ClosedChain.at`.
 
@@ -546,6 +605,8 @@ def checked_state(
         (nv,) tangent velocity [m/s, rad/s].
     a
         (nv,) tangent acceleration [m/s², rad/s²].
+    base_motion
+        How the ground moves; default: it rests.
 
     Returns
     -------
@@ -555,13 +616,16 @@ def checked_state(
     Raises
     ------
     InputError
-        If a shape is wrong, an entry is not finite, or a quaternion is not of unit length.
+        If a shape is wrong, an entry is not finite, a quaternion is not of unit length, or the motion is none.
     """
+    if base_motion is not None and not isinstance(base_motion, BaseMotion):
+        raise InputError(f"base_motion must be a BaseMotion, got {type(base_motion).__name__}")
     return State(
         chain,
         as_configuration(chain, "q", q),
         None if v is None else _checked("v", v, chain.nv),
         None if a is None else _checked("a", a, chain.nv),
+        base_motion,
     )
 
 

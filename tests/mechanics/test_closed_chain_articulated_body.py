@@ -125,7 +125,8 @@ def test_platform_on_a_ship(rng: np.random.Generator) -> None:
     ship = stp.dynamics.BaseMotion(
         np.eye(3), base_v, base_a + np.concatenate([np.cross(base_v[3:], base_v[:3]), np.zeros(3)])
     )
-    ours = stp.dynamics.closed_chain_articulated_body(chain, q, v, tau, base_motion=ship)
+    sailing = chain.at(q, v, base_motion=ship)
+    ours = stp.dynamics.closed_chain_articulated_body(sailing, tau_motor=tau)
     data, rates = pin.Data(free.model), np.concatenate([base_v, v])
     jacobian = stp.loop_jacobian(free, whole)
     bias = stp.loop_bias(free, whole, rates)

@@ -12,15 +12,16 @@ from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.mechanics.articulated_body.bodies import Body, cross_motion, skew, tree_bodies
 from stewart_pin.mechanics.articulated_body.passes import (
-    BaseMotion,
     BodyMotion,
     first_pass,
     respond,
+    spatial_base,
     without_inertia,
 )
 from stewart_pin.mechanics.effort import Motion
 from stewart_pin.model.description import Loop
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows
+from stewart_pin.state.base_motion import BaseMotion
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.outside import Wrenches, as_wrenches
 from stewart_pin.state.state import State, as_chain, as_configuration, as_state
@@ -226,7 +227,6 @@ def closed_chain_articulated_body(
     tau_motor: ArrayLike | None = None,
     *,
     wrenches: Wrenches | None = None,
-    base_motion: BaseMotion | None = None,
 ) -> Motion:
     """Compute the acceleration under given motor efforts, loops closed, by the articulated-body algorithm.
 
@@ -245,9 +245,7 @@ def closed_chain_articulated_body(
         (nu,) motor efforts in the order of ``chain.motors`` [N or N m].
     wrenches
         {link: (6,)} what acts from outside: [force; moment] on the link, at the origin of its frame, world axes; with a
-        `base_motion` those of the inertial frame [N, N m].
-    base_motion
-        How the ground link moves; default: at rest. For a base that is free to move see `on_floating_base`.
+        `base_motion` of the state those of the inertial frame [N, N m].
 
     Returns
     -------
@@ -281,7 +279,8 @@ def closed_chain_articulated_body(
     if tau_motor is None:
         raise InputError("tau_motor is missing; pass the motor efforts, in the order of chain.motors")
     tau_motor = as_array("tau_motor", tau_motor, (chain.nu,))
-    base_velocity, base_acceleration = (base_motion or BaseMotion()).spatial(chain.gravity)
+    base_motion = state.base_motion
+    base_velocity, base_acceleration = spatial_base(base_motion, chain.gravity)
     bodies = tree_bodies(chain)
     motion = _under(chain, wrenches, first_pass(bodies, q, v, base_velocity), base_motion)
     loops = [loop_wrenches(loop, bodies, motion) for loop in chain.loops]
@@ -437,7 +436,7 @@ def articulated_body_acceleration(
     as_chain(chain)
     q, v = as_configuration(chain, "q", q), as_array("v", v, (chain.nv,))
     tau = as_array("tau", tau, (chain.nv,))
-    base_velocity, base_acceleration = (base_motion or BaseMotion()).spatial(chain.gravity)
+    base_velocity, base_acceleration = spatial_base(base_motion, chain.gravity)
     bodies = tree_bodies(chain)
     motion = _under(chain, wrenches, first_pass(bodies, q, v, base_velocity), base_motion)
     response = respond(

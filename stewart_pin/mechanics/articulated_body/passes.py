@@ -12,15 +12,13 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from stewart_pin.brief import Brief
-from stewart_pin.checks import as_array
 from stewart_pin.errors import SingularityError
-from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.mechanics.articulated_body.bodies import Body, cross_motion
+from stewart_pin.state.base_motion import BaseMotion
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 _NO_INERTIA = 1e-15
@@ -231,52 +229,26 @@ def _least(apparent: FloatArray) -> float:
 # ----------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class BaseMotion(Brief):
-    """Motion of the ground link in an inertial frame; the default is rest.
+def spatial_base(base: BaseMotion | None, gravity: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Express the motion of a base in its own coordinates, with gravity as an upward acceleration.
 
-    Attributes
+    Parameters
     ----------
-    rotation
-        (3, 3) axes of the base in the inertial frame.
-    twist
-        (6,) velocity of the base origin and angular velocity, [v; ω], inertial axes [m/s, rad/s].
-    acceleration
-        (6,) acceleration of the base origin and angular acceleration, inertial axes [m/s², rad/s²].
+    base
+        How it moves; None: it rests.
+    gravity
+        (3,) acceleration of free fall in the inertial frame [m/s²].
 
-    Raises
-    ------
-    InputError
-        If a field has the wrong shape, is not finite, or is no rotation.
+    Returns
+    -------
+    velocity : numpy.ndarray
+        (6,) spatial velocity v₀, [angular; linear], base axes [rad/s, m/s].
+    acceleration : numpy.ndarray
+        (6,) spatial acceleration a₀ - a_g, base axes [rad/s², m/s²].
     """
-
-    rotation: FloatArray = field(default_factory=lambda: np.eye(3))
-    twist: FloatArray = field(default_factory=lambda: np.zeros(6))
-    acceleration: FloatArray = field(default_factory=lambda: np.zeros(6))
-
-    def __post_init__(self) -> None:
-        for name in ("twist", "acceleration"):
-            object.__setattr__(self, name, as_array(name, getattr(self, name), (6,)))
-        rotation = as_rotation("rotation", as_array("rotation", self.rotation, (3, 3)))
-        object.__setattr__(self, "rotation", rotation)
-
-    def spatial(self, gravity: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Express the motion in base coordinates, with gravity as an upward acceleration of the base.
-
-        Parameters
-        ----------
-        gravity
-            (3,) acceleration of free fall in the inertial frame [m/s²].
-
-        Returns
-        -------
-        velocity : numpy.ndarray
-            (6,) spatial velocity v₀, [angular; linear], base axes [rad/s, m/s].
-        acceleration : numpy.ndarray
-            (6,) spatial acceleration a₀ - a_g, base axes [rad/s², m/s²].
-        """
-        linear, omega = self.twist[:3], self.twist[3:]
-        # Spatial acceleration misses the ω × v of the origin.
-        push = self.acceleration[:3] - np.cross(omega, linear) - gravity
-        turned = np.stack([omega, linear, self.acceleration[3:], push]) @ self.rotation
-        return turned[:2].ravel(), turned[2:].ravel()
+    base = base or BaseMotion()
+    linear, omega = base.twist[:3], base.twist[3:]
+    # Spatial acceleration misses the ω × v of the origin.
+    push = base.acceleration[:3] - np.cross(omega, linear) - gravity
+    turned = np.stack([omega, linear, base.acceleration[3:], push]) @ base.rotation
+    return turned[:2].ravel(), turned[2:].ravel()

@@ -283,7 +283,7 @@ def wrench_polytope(
     UnsupportedError
         If no efforts within the limits keep the inner motions of the robot at rest.
     """
-    state = as_state(chain, q).require_regular()
+    state = as_state(chain, q).require_still_ground("wrench_polytope").require_regular()
     chain, freedom = state.chain, state.freedom
     ends = motor_limits(chain, "effort_limit", effort_limit, "effort")
     require_held(state)

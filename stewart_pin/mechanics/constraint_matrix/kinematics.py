@@ -182,7 +182,11 @@ class JointMotion:
 
 
 def tree_motion(
-    chain: ClosedChain, q: Configuration, v: Tangent, about: FloatArray
+    chain: ClosedChain,
+    q: Configuration,
+    v: Tangent,
+    about: FloatArray,
+    ground: FloatArray | None = None,
 ) -> tuple[dict[str, LinkMotion], dict[str, JointMotion]]:
     """Walk from the ground outwards.
 
@@ -196,6 +200,8 @@ def tree_motion(
         (nv,) tangent velocity [m/s, rad/s].
     about
         (3,) point of the world that is taken for its origin [m].
+    ground
+        (6,) spatial velocity of the ground at that point; default: it rests [m/s, rad/s].
 
     Returns
     -------
@@ -205,7 +211,7 @@ def tree_motion(
         Axes, origin and bias of every tree joint.
     """
     mechanism, model = chain.mechanism, chain.model
-    links = {mechanism.root: LinkMotion(np.eye(3), -about, np.zeros(6))}
+    links = {mechanism.root: LinkMotion(np.eye(3), -about, np.zeros(6) if ground is None else ground)}
     joints: dict[str, JointMotion] = {}
     pending = list(mechanism.joints)
     while pending:

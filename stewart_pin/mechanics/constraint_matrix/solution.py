@@ -83,7 +83,7 @@ def constraint_matrix_inverse_dynamics(
     """
     chain, q, v = state.chain, state.q, state.v
     # About a point within the robot: where it stands in the world shall cost no digits.
-    assembled = assemble(chain, q, v, a, _middle(state), outside)
+    assembled = assemble(chain, q, v, a, _middle(state), outside, state.base_motion)
     system = assembled.system
     _require_consistent(chain, assembled, a)
     _require_coupled(chain, q, v, a)
@@ -96,7 +96,7 @@ def constraint_matrix_inverse_dynamics(
     loops = slice(n_bodies + system.columns[first_loop].start if chain.nc else motors.start, motors.start)
     # Least norm of the wrenches; bodies that nothing determines keep as near to the demand as they can.
     demand = np.zeros_like(solution.unknowns)
-    demand[:n_bodies] = tree_accelerations(assembled.topology, assembled.freedoms, a)
+    demand[:n_bodies] = _demanded(assembled, a)
     beyond = replace(solution, unknowns=solution.unknowns - demand)
     # Efforts and rows in units of energy, so that forces and moments compare whatever the unit of length.
     sizes = np.ones_like(demand)
@@ -265,10 +265,16 @@ def _least_norm(solution: _Solution, groups: list[slice], sizes: FloatArray) -> 
     return unknowns, unique
 
 
+def _demanded(assembled: AssembledSystem, a: Tangent) -> FloatArray:
+    """Accelerations of the bodies as the joints of the tree have it, on a ground that moves as it is told to."""
+    ground = assembled.system.c_a[:6]  # the first columns hold the ground
+    return tree_accelerations(assembled.topology, assembled.freedoms, a, ground)
+
+
 def _require_consistent(chain: ClosedChain, assembled: AssembledSystem, a: Tangent) -> None:
     """Check gap, rate and acceleration of the loops as the bodies' own motion shows them."""
     system = assembled.system
-    bodies = tree_accelerations(assembled.topology, assembled.freedoms, a)
+    bodies = _demanded(assembled, a)
     names = {name: columns for name, columns in zip(system.joints, system.columns, strict=True)}
     twists = np.concatenate([assembled.links[body.name].twist for body in assembled.topology.bodies])
     matrix = system.C.toarray()
@@ -330,10 +336,7 @@ def _require_held(chain: ClosedChain, assembled: AssembledSystem, unknowns: Floa
     rows = slice(6 * k, 6 * k + 6)
     motion = _motion_scale(system, chain.length_scale)
     # In natural units, so that the unit of length decides nothing.
-    asked, done = (
-        x[rows] / motion[rows]
-        for x in (tree_accelerations(assembled.topology, assembled.freedoms, a), unknowns)
-    )
+    asked, done = (x[rows] / motion[rows] for x in (_demanded(assembled, a), unknowns))
     if np.abs(asked - done).max() <= CONSISTENT * max(1.0, float(np.abs(asked).max())):
         return
     direction = (asked - done) / np.abs(asked - done).max()

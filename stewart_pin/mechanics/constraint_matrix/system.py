@@ -44,6 +44,7 @@ from stewart_pin.mechanics.constraint_matrix.kinematics import (
 )
 from stewart_pin.mechanics.constraint_matrix.topology import Topology, topology
 from stewart_pin.model.description import Coupling
+from stewart_pin.state.base_motion import BaseMotion
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches
 from stewart_pin.state.state import State, as_state
@@ -258,7 +259,22 @@ def constraint_matrix_system(
     """
     state = as_state(chain, q, v, a)
     outside = as_wrenches(state.chain, wrenches)
-    return assemble(state.chain, state.q, state.v, state.require_accelerating(), outside=outside).system
+    a, moved = state.require_accelerating(), state.base_motion
+    return assemble(state.chain, state.q, state.v, a, outside=outside, base_motion=moved).system
+
+
+def _moving_ground(
+    base: BaseMotion, about: FloatArray, gravity: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Velocity and acceleration (6,) of a moving ground at a point of it, and gravity (3,), in its own axes.
+
+    Spatial ones: those of the ground's matter that is at the point of space, which lacks the ω × v of a point of it.
+    """
+    turn = base.rotation.T
+    v, w = turn @ base.twist[:3], turn @ base.twist[3:]
+    linear, angular = turn @ base.acceleration[:3] - np.cross(w, v), turn @ base.acceleration[3:]
+    velocity = np.concatenate([v + np.cross(w, about), w])
+    return velocity, np.concatenate([linear + np.cross(angular, about), angular]), turn @ gravity
 
 
 def assemble(
@@ -268,6 +284,7 @@ def assemble(
     a: Tangent,
     about: FloatArray | None = None,
     outside: OutsideWrenches | None = None,
+    base_motion: BaseMotion | None = None,
 ) -> AssembledSystem:
     """Assemble the equations and keep the kinematics.
 
@@ -285,6 +302,8 @@ def assemble(
         (3,) point that is taken for the world origin; default: the origin itself [m].
     outside
         Wrenches from outside, or None.
+    base_motion
+        How the ground moves, or None.
 
     Returns
     -------
@@ -294,10 +313,15 @@ def assemble(
     rotors = _rotors(chain)
     driven = tuple(dict.fromkeys([*chain.motors, *(name for name, _, _ in rotors), *acting_joints(chain)]))
     borne = {} if outside is None else outside.by_link()
+    middle = np.zeros(3) if about is None else about
+    ground, ground_rate, gravity = np.zeros(6), np.zeros(6), np.array(chain.gravity)
+    if base_motion is not None:
+        ground, ground_rate, gravity = _moving_ground(base_motion, middle, gravity)
+        borne = {link: base_motion.to_base(wrench) for link, wrench in borne.items()}
     layout = topology(chain.mechanism, driven, chain.platform, loaded_links(chain, outside))
-    links, joints = tree_motion(chain, q, v, np.zeros(3) if about is None else about)
+    links, joints = tree_motion(chain, q, v, middle, ground)
     number = {link.name: k for k, link in enumerate(layout.bodies)}
-    gravity = np.concatenate([chain.gravity, np.zeros(3)])
+    gravity = np.concatenate([gravity, np.zeros(3)])
 
     inertias, forces = [], []
     for body in layout.bodies:
@@ -317,7 +341,7 @@ def assemble(
         blocks.add(name, kind, number[compound.predecessor], number[compound.successor], columns)
 
     blocks = _Blocks()
-    blocks.add("ground", "ground", None, 0, Columns(np.eye(6), np.zeros(6)))
+    blocks.add("ground", "ground", None, 0, Columns(np.eye(6), ground_rate))
     freedoms = tuple(compound_freedoms(compound, joints) for compound in layout.tree)
     for compound, freedom in zip(layout.tree, freedoms, strict=True):
         columns = passive_columns(freedom, chain.length_scale)
@@ -367,7 +391,9 @@ def assemble(
     return AssembledSystem(system, layout, links, joints, freedoms, resting, rubbing)
 
 
-def tree_accelerations(layout: Topology, freedoms: Sequence[Freedoms], a: Tangent) -> FloatArray:
+def tree_accelerations(
+    layout: Topology, freedoms: Sequence[Freedoms], a: Tangent, ground: FloatArray | None = None
+) -> FloatArray:
     """Accelerate all bodies as the joints of the tree do.
 
     Parameters
@@ -378,13 +404,15 @@ def tree_accelerations(layout: Topology, freedoms: Sequence[Freedoms], a: Tangen
         Freedoms of each compound joint.
     a
         (nv,) tangent acceleration [m/s², rad/s²].
+    ground
+        (6,) spatial acceleration of the ground; default: none [m/s², rad/s²].
 
     Returns
     -------
     numpy.ndarray
         (6 n_bodies,) spatial accelerations at the world origin [m/s², rad/s²].
     """
-    at = {layout.bodies[0].name: np.zeros(6)}
+    at = {layout.bodies[0].name: np.zeros(6) if ground is None else ground}
     for compound, freedom in zip(layout.tree, freedoms, strict=True):
         at[compound.successor] = at[compound.predecessor] + freedom.axes @ a[freedom.index] + freedom.bias
     return np.concatenate([at[body.name] for body in layout.bodies])

@@ -1,0 +1,119 @@
+"""A ground that moves as prescribed: on a ship, a vehicle, a shaken floor.
+
+A chain stands in the frame of its ground link, which is called the world everywhere else; here that frame moves in an
+inertial one. Configurations, velocities and poses stay relative to it; inertia and weight are felt in the inertial one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from stewart_pin.brief import Brief
+from stewart_pin.checks import as_array
+from stewart_pin.geometry.rotations import as_rotation
+from stewart_pin.state.scratch import Pool, Scratch
+from stewart_pin.typing import Configuration, FloatArray, Tangent
+
+if TYPE_CHECKING:
+    from stewart_pin.state.chain import ClosedChain
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BaseMotion(Brief):
+    """Motion of the ground link in an inertial frame; the default is rest.
+
+    Attributes
+    ----------
+    rotation
+        (3, 3) axes of the base in the inertial frame.
+    twist
+        (6,) velocity of the base origin and angular velocity, [v; ω], inertial axes [m/s, rad/s].
+    acceleration
+        (6,) acceleration of the base origin and angular acceleration, inertial axes [m/s², rad/s²].
+
+    Raises
+    ------
+    InputError
+        If a field has the wrong shape, is not finite, or is no rotation.
+    """
+
+    rotation: FloatArray = field(default_factory=lambda: np.eye(3))
+    twist: FloatArray = field(default_factory=lambda: np.zeros(6))
+    acceleration: FloatArray = field(default_factory=lambda: np.zeros(6))
+
+    def __post_init__(self) -> None:
+        for name in ("twist", "acceleration"):
+            object.__setattr__(self, name, as_array(name, getattr(self, name), (6,)))
+        rotation = as_rotation("rotation", as_array("rotation", self.rotation, (3, 3)))
+        object.__setattr__(self, "rotation", rotation)
+
+    def to_base(self, vectors: FloatArray) -> FloatArray:
+        """Turn vectors from inertial axes into those of the base.
+
+        Parameters
+        ----------
+        vectors
+            (..., 3 n) vectors one after the other, as in a wrench [any unit].
+
+        Returns
+        -------
+        numpy.ndarray
+            Like `vectors`, in axes of the base [any unit].
+        """
+        return (vectors.reshape(*vectors.shape[:-1], -1, 3) @ self.rotation).reshape(vectors.shape)
+
+
+class MovingGround:
+    """The tree of a chain on a free-flyer, by which Pinocchio moves its ground; bodies alone, without rotors.
+
+    Masses count in ``chain.mass_unit``.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    """
+
+    def __init__(self, chain: ClosedChain) -> None:
+        fixed, model = chain.mass_model, pin.Model()
+        model.gravity = fixed.gravity
+        model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "ground that moves")
+        for k in range(1, fixed.njoints):
+            model.addJoint(
+                fixed.parents[k] + 1, fixed.joints[k], fixed.jointPlacements[k], f"{fixed.names[k]} {k}"
+            )
+            model.inertias[k + 1] = fixed.inertias[k]
+        self.model = model
+        self.scratches: Pool[Scratch] = Pool(lambda: Scratch(model))
+
+    def state(
+        self, base: BaseMotion, q: Configuration, v: Tangent, a: Tangent
+    ) -> tuple[Configuration, Tangent, Tangent]:
+        """Put a state of the chain on its moving ground.
+
+        Parameters
+        ----------
+        base
+            How the ground moves.
+        q, v, a
+            (nq,), (nv,) and (nv,) state of the chain [m, rad, unit quaternions; per s; per s²].
+
+        Returns
+        -------
+        q, v, a : numpy.ndarray
+            (7 + nq,), (6 + nv,) and (6 + nv,): a free-flyer moves by the twist in its own axes, and by its spatial
+            acceleration, which misses the ω × v of the origin [m, rad, unit quaternions; per s; per s²].
+        """
+        linear, omega = base.twist[:3], base.twist[3:]
+        push = np.concatenate([base.acceleration[:3] - np.cross(omega, linear), base.acceleration[3:]])
+        # Where the ground is makes no difference; how it is turned does, to weight.
+        place = np.concatenate([np.zeros(3), pin.Quaternion(base.rotation).coeffs()])
+        return (
+            np.concatenate([place, q]),
+            np.concatenate([base.to_base(base.twist), v]),
+            np.concatenate([base.to_base(push), a]),
+        )
