@@ -24,6 +24,7 @@ from stewart_pin.motion.joint_motion import asked_of_motors, asked_of_others
 from stewart_pin.motion.simulation.record import Simulation
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.programs.status import StateStatus
+from stewart_pin.state.base_motion import BaseMotion, BaseMotions, base_motions
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import Asked, Excess
 from stewart_pin.state.newton import Closure
@@ -131,6 +132,7 @@ def motor_demand(
     samples: PlatformSamples,
     *,
     wrenches: MotionWrenches | None = None,
+    base_motion: BaseMotions | None = None,
     kernels: bool | None = None,
 ) -> MotorDemand:
     """Compute what a platform motion asks of the motors, whatever the limits; the answer's `check` judges them.
@@ -145,6 +147,9 @@ def motor_demand(
         What acts from outside: {link: (6,) or (N, 6)} [force; moment] on the link, at the origin of its frame, world
         axes, the same all the time or one per instant; or a function of the instant that returns {link: (6,)}; the
         platform is ``chain.platform`` [N, N m].
+    base_motion
+        How the ground moves: a `dynamics.BaseMotion`, one per instant, or a function of the instant; the motion of the
+        platform is relative to it, wrenches have the axes of the inertial frame. Default: it rests.
     kernels
         Whether to use compiled kernels, where the chain has them; None: for more than a handful of states, of platforms
         with a closed form for tens of thousands. The answer is the same, to round-off.
@@ -166,15 +171,23 @@ def motor_demand(
         If the motors cannot hold it.
     MissingExtraError
         If kernels are wanted and CasADi is not installed.
+    UnsupportedError
+        If kernels are wanted on a ground that moves.
     InputError
-        If samples or wrenches are none.
+        If samples, wrenches or motions of the ground are none.
     """
     as_chain(chain)
     if not isinstance(samples, PlatformSamples):
         raise InputError(
             f"samples must be PlatformSamples, as sinusoidal_motion gives, got {type(samples).__name__}"
         )
-    outside = wrench_samples(chain, wrenches, samples.time)
+    outside, grounds = wrench_samples(chain, wrenches, samples.time), base_motions(base_motion, samples.time)
+    if grounds is not None:
+        if kernels:
+            raise UnsupportedError(
+                "kernels know of no ground that moves; leave kernels= out, or base_motion="
+            )
+        return _state_by_state(chain, samples, outside, grounds)
     compiled = demand_kernels(chain, len(samples), kernels, outside)
     if compiled is None:
         return demand_by_formula(chain, samples, outside=outside)
@@ -356,7 +369,10 @@ def _reach(chain: ClosedChain, position: bytes, rotation: bytes) -> ClosureError
 
 
 def _state_by_state(
-    chain: ClosedChain, samples: PlatformSamples, outside: WrenchSamples | None = None
+    chain: ClosedChain,
+    samples: PlatformSamples,
+    outside: WrenchSamples | None = None,
+    grounds: Sequence[BaseMotion] | None = None,
 ) -> MotorDemand:
     shape = (len(samples), chain.nu)
     positions, rates, efforts = np.empty(shape), np.empty(shape), np.empty(shape)
@@ -365,6 +381,8 @@ def _state_by_state(
         motion = samples.pose(k), samples.twist[k], samples.acceleration[k]
         state = platform_motion(chain, *motion, q_guess=q, limits=False)
         pushed = None if outside is None else outside.at(k)
+        if grounds is not None:
+            state = chain.at(state.q, state.v, state.a, base_motion=grounds[k])
         q, efforts[k] = state.q, inverse_dynamics(state, wrenches=pushed).tau_motor
         positions[k], rates[k] = q[chain.motor_q_index], state.v[chain.motor_index]
     return MotorDemand(samples.time, positions, rates, efforts, chain, samples, wrenches=outside)

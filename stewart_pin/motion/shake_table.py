@@ -13,6 +13,7 @@ from stewart_pin.model.tree import LimitKind
 from stewart_pin.motion.joint_motion import asked_of_motors, asked_of_others
 from stewart_pin.motion.motor_demand import MotorDemand, motor_demand
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.state.base_motion import BaseMotions
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.limits import Asked
 from stewart_pin.state.outside import MotionWrenches
@@ -115,6 +116,7 @@ def fit_to_limits(
     motion: Callable[[float], PlatformSamples],
     *,
     wrenches: MotionWrenches | None = None,
+    base_motion: BaseMotions | None = None,
     margin: float = 0.0,
 ) -> FitReport:
     """Scale a motion down until every limit that is stated holds, of passive joints and joints that close loops too.
@@ -129,6 +131,8 @@ def fit_to_limits(
         Factor to motion; at factor 0 the platform rests, within all limits.
     wrenches
         What acts from outside whatever the factor, as in `motor_demand` [N, N m].
+    base_motion
+        How the ground moves whatever the factor, as in `motor_demand`.
     margin
         Part of every limit to keep free, from 0 up to but not including 1.
 
@@ -152,7 +156,7 @@ def fit_to_limits(
         raise InputError(f"margin must be at least 0 and below 1, got {margin!r}")
     if not callable(motion):
         raise InputError(f"motion must be a function of a scale, got {type(motion).__name__}")
-    return _Fit(chain, motion, margin, wrenches).report()
+    return _Fit(chain, motion, margin, wrenches, base_motion).report()
 
 
 class _Fit:
@@ -162,8 +166,10 @@ class _Fit:
         motion: Callable[[float], PlatformSamples],
         margin: float,
         wrenches: MotionWrenches | None = None,
+        base_motion: BaseMotions | None = None,
     ) -> None:
-        self.chain, self.motion, self.margin, self.wrenches = chain, motion, margin, wrenches
+        self.chain, self.motion, self.margin = chain, motion, margin
+        self._acting = {"wrenches": wrenches, "base_motion": base_motion}
 
     def report(self) -> FitReport:
         unscaled = self._of_motors(1.0)
@@ -179,7 +185,7 @@ class _Fit:
         else:
             unscaled += others
         samples = self.motion(scale)
-        demand = motor_demand(self.chain, samples, wrenches=self.wrenches)
+        demand = motor_demand(self.chain, samples, **self._acting)
         uses = self._used(
             asked_of_motors(self.chain, demand.positions, demand.rates, demand.efforts), demand.time
         )
@@ -233,7 +239,7 @@ class _Fit:
             )
 
     def _of_motors(self, scale: float) -> list[Binding]:
-        demand = motor_demand(self.chain, self.motion(scale), wrenches=self.wrenches)
+        demand = motor_demand(self.chain, self.motion(scale), **self._acting)
         asked = asked_of_motors(self.chain, demand.positions, demand.rates, demand.efforts)
         return self._used(asked, demand.time)
 

@@ -6,14 +6,16 @@ inertial one. Configurations, velocities and poses stay relative to it; inertia 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
+from stewart_pin.errors import InputError
 from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.state.scratch import Pool, Scratch
 from stewart_pin.typing import Configuration, FloatArray, Tangent
@@ -65,6 +67,75 @@ class BaseMotion(Brief):
             Like `vectors`, in axes of the base [any unit].
         """
         return (vectors.reshape(*vectors.shape[:-1], -1, 3) @ self.rotation).reshape(vectors.shape)
+
+
+BaseMotions: TypeAlias = BaseMotion | Sequence[BaseMotion] | Callable[[float], BaseMotion]
+"""Motion of the ground during a motion: the same all the time, one per instant, or a function of the instant [s]."""
+
+
+def base_motions(given: BaseMotions | None, time: FloatArray) -> tuple[BaseMotion, ...] | None:
+    """Check the motion of a ground during a motion.
+
+    Parameters
+    ----------
+    given
+        One motion, one per instant, or a function of the instant; None: it rests.
+    time
+        (N,) instants [s].
+
+    Returns
+    -------
+    tuple of BaseMotion or None
+        One per instant.
+
+    Raises
+    ------
+    InputError
+        If they are none, or not as many as there are instants.
+    """
+    if given is None:
+        return None
+    if isinstance(given, BaseMotion):
+        return (given,) * len(time)
+    if callable(given):
+        return tuple(asked_base(given, float(t)) for t in time)
+    motions = tuple(given) if isinstance(given, Sequence) else (given,)
+    wrong = [each for each in motions if not isinstance(each, BaseMotion)]
+    if wrong:
+        raise InputError(
+            f"base_motion must be a BaseMotion, one per instant or a function of it, got {type(wrong[0]).__name__}"
+        )
+    if len(motions) != len(time):
+        raise InputError(
+            f"base_motion has {len(motions)} motions of the ground, the motion is of {len(time)} instants"
+        )
+    return motions
+
+
+def asked_base(function: Callable[[float], BaseMotion], t: float) -> BaseMotion:
+    """Ask a function of the instant for the motion of the ground.
+
+    Parameters
+    ----------
+    function
+        What the caller passed.
+    t
+        Instant [s].
+
+    Returns
+    -------
+    BaseMotion
+        What it said.
+
+    Raises
+    ------
+    InputError
+        If it said something else.
+    """
+    said = function(t)
+    if not isinstance(said, BaseMotion):
+        raise InputError(f"base_motion must return a BaseMotion, got {type(said).__name__} at {t:g} s")
+    return said
 
 
 class MovingGround:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -30,7 +31,7 @@ def ship(rng: np.random.Generator) -> stp.dynamics.BaseMotion:
     return stp.dynamics.BaseMotion(pin.exp3(rng.normal(size=3)), *rng.normal(size=(2, 6)))
 
 
-def sailing(name: str, rng: np.random.Generator) -> tuple[stp.State, dict[str, np.ndarray]]:
+def sailing(name: str, rng: np.random.Generator) -> tuple[Any, dict[str, np.ndarray]]:
     chain = effective(name)
     q = random_configuration(chain, rng)
     v, a = random_motion(chain, rng, q)
@@ -93,7 +94,7 @@ def test_verbs_of_one_state_fit_together(name: str, rng: np.random.Generator) ->
     chain, step = state.chain, 1e-5
     along = state.motions.basis[:, 0] * chain.tangent_scale
 
-    def moved(h: float) -> stp.State:
+    def moved(h: float) -> Any:
         q = stp.close_loops(chain, pin.integrate(chain.model, state.q, h * along)).q
         near = chain.at(q)
         v = state.v - near.motions.across(near.J_c @ state.v / chain.row_sizes) * chain.tangent_scale
