@@ -18,7 +18,7 @@ from stewart_pin.errors import (
 )
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.kernels.kernels import Kernels, compile_kernels
-from stewart_pin.kernels.planning.joint_physics import fields_key
+from stewart_pin.kernels.planning.joint_physics import fields_key, first_effect
 from stewart_pin.model.description import Coupling, JointKind
 from stewart_pin.programs.arrays import SingleState
 from stewart_pin.programs.passes import prepare
@@ -67,7 +67,7 @@ def kernels_for(
     MissingExtraError
         If kernels are wanted and CasADi is not installed.
     UnsupportedError
-        If kernels are wanted and the chain cannot be compiled, or has a coupling that counts turns.
+        If kernels are wanted and the chain cannot be compiled, or has a coupling or a spring that counts turns.
     InputError
         If `wanted` is neither True, False nor None.
     """
@@ -80,6 +80,12 @@ def kernels_for(
             raise UnsupportedError(
                 f"coupling '{counting.name}' counts whole turns, which a pose does not tell: a motion is followed "
                 "from state to state"
+            )
+        turning = _turning_spring(chain)
+        if turning is not None:
+            raise UnsupportedError(
+                f"the spring of joint '{turning}' counts whole turns, which a pose does not tell: a motion is followed "
+                "from state to state; limits of position within a turn would tell"
             )
         return _compiled(chain, fields_key(chain), wrenches)
     except (MissingExtraError, UnsupportedError):
@@ -103,6 +109,17 @@ def _counts_turns(chain: ClosedChain) -> Coupling | None:
         one_to_one = not coupling.others and [*map(abs, ratio)] == [1.0] and len(set(kinds)) == 1
         if (len(ratio) or coupling.others) and JointKind.REVOLUTE in kinds and not one_to_one:
             return coupling
+    return None
+
+
+def _turning_spring(chain: ClosedChain) -> str | None:
+    """Find a hinge with a spring whose limits do not keep it within a turn."""
+    for joint in chain.mechanism.joints:
+        if joint.kind is JointKind.REVOLUTE and any(joint.physics.stiffness):
+            entry = chain.model.joints[chain.model.getJointId(joint.name)].idx_v
+            (least, most), *_ = chain.limits.bounds("position", np.array([entry]))
+            if not most - least <= 2 * np.pi:
+                return joint.name
     return None
 
 
@@ -198,7 +215,13 @@ def _tree_program(chain: ClosedChain, fields: bytes, name: str) -> Program:
 
 @lru_cache(maxsize=8)
 def _tree_kernels(chain: ClosedChain, fields: bytes) -> Kernels:
-    return compile_kernels(chain, coordinates="tree")
+    kernels = compile_kernels(chain, coordinates="tree")
+    from stewart_pin.kernels.planning.tree import tree_of  # noqa: PLC0415 - needs CasADi
+
+    effect = first_effect(tree_of(chain))
+    if effect is not None:
+        raise UnsupportedError(f"simulation takes no kernels of {chain.name}: {effect}")
+    return kernels
 
 
 @lru_cache(maxsize=8)

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from stewart_pin.brief import Brief
-from stewart_pin.errors import InputError, MissingExtraError
+from stewart_pin.errors import InputError, MissingExtraError, UnsupportedError
 from stewart_pin.kernels.verbs.dynamics import DerivativeVerbs, DynamicsVerbs, GeometryVerbs
 from stewart_pin.kernels.verbs.kinematics import KinematicsVerbs
 from stewart_pin.programs.array_kernel import Engine
+from stewart_pin.programs.arrays import as_real
 from stewart_pin.programs.symbolic import writing
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import TWIST_AXES
@@ -46,6 +47,12 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
     each link, at the origin of its frame, world axes, link by link. A wrench on the ground does nothing. Kernels that
     were compiled without take none. What spins an idle link that has no inertia has no answer; nor has it, in platform
     and motor coordinates, where it tells how the link stands, as of a thin rod that is round to six digits.
+
+    What joints do by themselves (`with_joint_physics`) is in all verbs, as it was when the kernels were compiled; where
+    armature, damping or friction of the model have been changed since, the verbs say so. Dry friction opposes the
+    motion, of a joint at rest the one that `acceleration` starts; forward dynamics of a state in which a joint with dry
+    friction is at rest has the code ``RESTING``: that is for the verb of one state. In platform and motor coordinates
+    hinges with springs stand where the way from home leads, which a motion of several turns does not.
 
     Every verb takes, of the kernels' own type:
 
@@ -309,7 +316,7 @@ def compile_kernels(
         If CasADi is not installed.
     UnsupportedError
         If the chain cannot be compiled, with the reason; or a wrench acts at a point that idle freedoms move, of which
-        poses and motors do not tell where they stand.
+        poses and motors do not tell where they stand; or a joint that they move has a spring, damping or friction.
     InputError
         If an option or a link is unknown, or a link is named twice.
 
@@ -334,7 +341,13 @@ def compile_kernels(
         if error.name != "casadi":
             raise
         raise MissingExtraError("casadi", "kernels") from None
-    return Kernels(FunctionSet(chain, coordinates, wrenches=_links(wrenches)), dtype, engine)
+    functions = FunctionSet(chain, coordinates, wrenches=_links(wrenches))
+    if as_real(dtype) == np.float32 and functions.rubs:
+        raise UnsupportedError(
+            f"joints of {chain.name} have dry friction, and float32 does not tell a joint at rest from one that moves "
+            "beside faster ones; use dtype=float64"
+        )
+    return Kernels(functions, dtype, engine)
 
 
 def _links(wrenches: Sequence[str]) -> tuple[str, ...]:

@@ -294,14 +294,29 @@ def _let_idle_go(
     needed = needed_efforts(state, a, outside)
     if not idle.shape[1]:
         return needed, a
-    moments, axes, heavy = _idle_inertia(state)
+    moments, axes, heavy = idle_inertia(state)
     axes = idle @ axes[:, heavy]
     change = -axes @ ((axes.T @ needed) / moments[heavy])
     return needed + state.M @ change, a + change
 
 
-def _idle_inertia(state: State) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Moments of inertia of the idle freedoms, their principal axes, and which of them have any."""
+def idle_inertia(state: State) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Tell the inertia of idle freedoms.
+
+    Parameters
+    ----------
+    state
+        The state.
+
+    Returns
+    -------
+    moments : numpy.ndarray
+        (n,) in natural units [kg m²].
+    axes : numpy.ndarray
+        (n, n) principal axes, a column each, dimensionless.
+    heavy : numpy.ndarray
+        (n,) of bool, dimensionless: which have any.
+    """
     idle = state.freedom.idle
     moments, axes = np.linalg.eigh(idle.T @ state.M @ idle)
     return moments, axes, moments > NO_INERTIA * np.abs(state.inertia).max()
@@ -325,7 +340,7 @@ def require_idle_inertia(state: State, efforts: Tangent | None) -> None:
     if efforts is None or not state.chain.generic.count.idle:
         return
     idle, scale = state.freedom.idle, state.chain.tangent_scale
-    moments, axes, heavy = _idle_inertia(state)
+    moments, axes, heavy = idle_inertia(state)
     light = idle @ axes[:, ~heavy]
     pushed = efforts @ light
     if np.abs(pushed).max(initial=0.0) > CONSISTENT * float(np.abs(efforts * scale).max(initial=0.0)):

@@ -19,7 +19,8 @@ class StateStatus(enum.IntEnum):
     """Code of a state; the results of a state that is not OK are nan.
 
     ``BRANCH_LOST``: what is asked for is met on another branch alone than that of home, or of the guess: on the way
-    from there is a singularity.
+    from there is a singularity. ``RESTING``: a joint with dry friction is at rest, and whether that lets it go takes a
+    search.
     """
 
     OK = 0
@@ -28,6 +29,7 @@ class StateStatus(enum.IntEnum):
     RESULT_NOT_FINITE = 3
     SINGULAR = 4
     BRANCH_LOST = 5
+    RESTING = 6
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.kernels.graph.derivatives import configuration_chart
+from stewart_pin.kernels.graph.bodies import configuration_chart
 from stewart_pin.kernels.kernels import Kernels, compile_kernels
 from stewart_pin.kernels.planning.tree import tree_of
 from stewart_pin.model.loop_rows import orthonormal_triad
@@ -204,7 +204,7 @@ def test_configuration_chart_follows_the_tangent(rng: np.random.Generator) -> No
     chain = mechanisms.two_bodies(mechanisms.JointKind.SPHERICAL, rng)
     q = random_configuration(chain, rng)
     symbols = ca.SX.sym("q", chain.nq)
-    chart = ca.Function("chart", [symbols], [ca.densify(configuration_chart(tree_of(chain), symbols))])
+    chart = ca.Function("chart", [symbols], [ca.densify(configuration_chart(tree_of(chain).joints, symbols))])
     v = rng.normal(size=chain.nv)
     slope = derivative(lambda t: pin.integrate(chain.model, q, t * v))
     close(np.array(chart(q)) @ v, slope, 1e-10)

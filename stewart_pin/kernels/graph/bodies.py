@@ -18,6 +18,7 @@ from stewart_pin.kernels.planning.spatial import (
     inertial_force,
     rotation_constant,
     signed_permutation,
+    skew,
     turn_about,
     turn_from_quaternion,
     turning_matrix,
@@ -306,6 +307,39 @@ def turned_by_small(quaternion: ca.SX, angle: ca.SX, *, body: bool = False) -> c
     small = ca.vertcat(angle / 2, 1)
     turned = product(quaternion, small) if body else product(small, quaternion)
     return turned / ca.norm_2(turned)
+
+
+def configuration_chart(joints: Sequence[TreeJoint], q: ca.SX) -> ca.SX:
+    """Differentiate a configuration along its tangent.
+
+    Parameters
+    ----------
+    joints
+        Joints of a tree.
+    q
+        (nq, 1) configuration.
+
+    Returns
+    -------
+    casadi.SX
+        (nq, nv).
+    """
+    chart = ca.SX(q.shape[0], max((joint.v.stop for joint in joints), default=0))
+    for joint in joints:
+        part = q[joint.q]
+        match joint.kind:
+            case JointKind.SPHERICAL:
+                chart[joint.q, joint.v] = _body_turn(part)
+            case JointKind.FLOATING:
+                chart[joint.q, joint.v] = ca.diagcat(turn_from_quaternion(part[3:]), _body_turn(part[3:]))
+            case _:
+                chart[joint.q, joint.v] = ca.SX.eye(joint.v.stop - joint.v.start)
+    return chart
+
+
+def _body_turn(quaternion: ca.SX) -> ca.SX:
+    vector, scalar = quaternion[:3], quaternion[3]
+    return ca.vertcat(scalar * ca.SX.eye(3) + skew(vector), -vector.T) / 2
 
 
 # ----------------------------------------------------------------------------------------------------

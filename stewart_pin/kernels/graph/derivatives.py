@@ -9,6 +9,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from stewart_pin.kernels.graph.bodies import configuration_chart
 from stewart_pin.kernels.graph.driven_tree import DrivenTree, follow
 from stewart_pin.kernels.graph.platform_dynamics import (
     PlacedPlatform,
@@ -18,9 +19,7 @@ from stewart_pin.kernels.graph.platform_dynamics import (
     platform_mass_matrix,
 )
 from stewart_pin.kernels.planning.elimination import solve_square, solve_symmetric
-from stewart_pin.kernels.planning.spatial import constant, shared, skew, turn_from_quaternion
-from stewart_pin.kernels.planning.tree import Tree
-from stewart_pin.model.description import JointKind
+from stewart_pin.kernels.planning.spatial import constant, shared, skew
 
 
 def pose_chart(pose: ca.SX) -> ca.SX:
@@ -40,39 +39,6 @@ def pose_chart(pose: ca.SX) -> ca.SX:
     # d(exp(φ) q)/dφ at zero is half of the quaternion product with the unit vectors from the left.
     turn = ca.vertcat(scalar * ca.SX.eye(3) - skew(vector), -vector.T) / 2
     return ca.diagcat(ca.SX.eye(3), turn)
-
-
-def configuration_chart(tree: Tree, q: ca.SX) -> ca.SX:
-    """Differentiate a configuration along its tangent.
-
-    Parameters
-    ----------
-    tree
-        Constants.
-    q
-        (nq, 1) configuration.
-
-    Returns
-    -------
-    casadi.SX
-        (nq, nv).
-    """
-    chart = ca.SX(tree.nq, tree.nv)
-    for joint in tree.joints:
-        part = q[joint.q]
-        match joint.kind:
-            case JointKind.SPHERICAL:
-                chart[joint.q, joint.v] = _body_turn(part)
-            case JointKind.FLOATING:
-                chart[joint.q, joint.v] = ca.diagcat(turn_from_quaternion(part[3:]), _body_turn(part[3:]))
-            case _:
-                chart[joint.q, joint.v] = ca.SX.eye(joint.v.stop - joint.v.start)
-    return chart
-
-
-def _body_turn(quaternion: ca.SX) -> ca.SX:
-    vector, scalar = quaternion[:3], quaternion[3]
-    return ca.vertcat(scalar * ca.SX.eye(3) + skew(vector), -vector.T) / 2
 
 
 def platform_derivatives(placed: PlacedPlatform, name: str) -> ca.Function:
@@ -151,7 +117,7 @@ def dynamics_derivatives(function: ca.Function, driven: DrivenTree | None) -> ca
     else:
         columns = [follow(driven, k) for k in range(driven.drive.shape[1])]
         moved = ca.substitute([ca.horzcat(*columns)], [driven.closed.q], [inputs[0]])[0]
-        along = configuration_chart(driven.closed.tree, inputs[0]) @ moved
+        along = configuration_chart(driven.closed.tree.joints, inputs[0]) @ moved
     matrices = [ca.jacobian(result, inputs[0]) @ along, *(ca.jacobian(result, x) for x in inputs[1:])]
     of = names if driven is None else ["position", *names[1:]]
     outputs = {f"by_{name}": matrix for name, matrix in zip(of, matrices, strict=True)}

@@ -17,6 +17,7 @@ import numpy as np
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.bodies import turned_by_small
+from stewart_pin.kernels.graph.joint_effects import resting
 from stewart_pin.kernels.graph.loop_rows import loop_gaps, opposed_axes
 from stewart_pin.kernels.graph.newton_steps import Approach, NewtonEquations, any_direction
 from stewart_pin.kernels.graph.platform_kinematics import platform_bias, platform_columns, platform_placement
@@ -268,7 +269,8 @@ def driven_forward_dynamics(driven: DrivenTree) -> ca.Function:
     Returns
     -------
     casadi.Function
-        ``(q, velocity, tau_motor) -> (acceleration, infeasible)``, velocity and acceleration of what drives.
+        ``(q, velocity, tau_motor) -> (acceleration, infeasible)``, velocity and acceleration of what drives; with dry
+        friction ``resting`` as well.
     """
     closed, tree = driven.closed, driven.closed.tree
     velocity, v, infeasible = driven_velocity(driven)
@@ -280,7 +282,7 @@ def driven_forward_dynamics(driven: DrivenTree) -> ca.Function:
     return shared(
         "forward_dynamics",
         {"q": closed.q, "velocity": velocity, "tau_motor": tau_motor, **closed.outside},
-        {"acceleration": acceleration, "infeasible": infeasible},
+        {"acceleration": acceleration, "infeasible": infeasible, **resting(closed, v)},
     )
 
 

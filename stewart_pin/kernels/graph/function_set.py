@@ -45,12 +45,13 @@ from stewart_pin.kernels.graph.verbs import (
     tree_push,
 )
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree
-from stewart_pin.kernels.planning.joint_physics import FIELDS, require_passive_joints
+from stewart_pin.kernels.planning.joint_physics import FIELDS, has_friction
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.planning.samples import (
     closed_samples,
     pushes_idle,
     require_idle_without_effect,
+    require_idle_without_physics,
     require_standing_frames,
     require_standing_points,
     telling_wrenches,
@@ -118,7 +119,6 @@ class FunctionSet:
         elif coordinates == "motor":
             chain.require_motors()
         outside_places(chain, wrenches)
-        require_passive_joints(chain)
         self.chain = chain
         self._fields = {field: getattr(chain.model, field) for field in FIELDS}  # the model's own memory
         self._then = {field: values.tobytes() for field, values in self._fields.items()}
@@ -155,6 +155,8 @@ class FunctionSet:
 
     def _begin(self) -> None:
         chain, coordinates, around = self.chain, self.coordinates, self._around
+        if around is None:
+            require_idle_without_physics(chain, told=coordinates == "tree")
         if coordinates != "tree" and around is None:
             require_idle_without_effect(chain, closed_samples(chain, count=1)[0])
             require_standing_points(chain, self.wrenches)
@@ -188,6 +190,11 @@ class FunctionSet:
     def any_state(self) -> ClosedTree:
         """The same for states that may be a little off closed loops."""
         return self.closed if self.coordinates == "tree" else close_tree(self.chain, wrenches=self.wrenches)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether joints have dry friction."""
+        return has_friction(tree_of(self.chain))
 
     @property
     def replanned(self) -> bool:

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from stewart_pin.kernels.graph.derivatives import configuration_chart
+from stewart_pin.kernels.graph.bodies import configuration_chart
 from stewart_pin.kernels.graph.displaced_tree import Moves, displaced_tree, displacement_moves
 from stewart_pin.kernels.graph.driven_tree import DrivenTree, driven_motion, driven_velocity
 from stewart_pin.kernels.graph.held_motion import (
@@ -34,6 +34,7 @@ from stewart_pin.kernels.graph.held_motion import (
     condition_gaps,
     hold_motors,
 )
+from stewart_pin.kernels.graph.joint_effects import resting
 from stewart_pin.kernels.graph.platform_dynamics import (
     PlacedPlatform,
     balance,
@@ -213,6 +214,7 @@ def _forward(held: HeldMotion, driven: DrivenTree | None) -> tuple[dict[str, ca.
         velocity, v, infeasible = driven_velocity(driven)
         inputs = {"q": closed.q, "velocity": velocity, "tau_motor": tau_motor}
         judges = {"infeasible": infeasible}
+    judges |= resting(closed, v)
     a, lambda_c = tree_forward_dynamics(closed, v, tau_motor)
     moved = inertia_times(closed, closed.motions)
     inertia = closed.motions.T @ moved
@@ -248,7 +250,7 @@ def _by_geometry(sums: _Sums) -> ca.SX:
         by_v = by_v + momenta @ ca.vertcat(*shares)
     sums = sums.with_pair(held.multipliers(-by_v), sums.v)
     symbols = sums.symbolic()
-    by_q = ca.jacobian(symbols.total(closed), closed.q) @ configuration_chart(closed.tree, closed.q)
+    by_q = ca.jacobian(symbols.total(closed), closed.q) @ configuration_chart(closed.tree.joints, closed.q)
     positions = held.multipliers(-sums.evaluated(symbols, by_q).T)
     displaced, displacement = displaced_tree(closed)
     held_positions = ca.SX.sym("positions", *positions.shape)

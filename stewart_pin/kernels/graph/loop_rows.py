@@ -59,15 +59,15 @@ def loop_columns(tree: Tree, at: Placements, q: ca.SX) -> LoopColumns:
     columns, turn = ca.SX(tree.nv, tree.nc), ca.SX.eye(tree.nc)
     for loop in tree.loops:
         index = list(loop.index)
-        between = _between(loop, at)
+        between = frames_between(loop, at)
         wrench1, wrench2 = _row_wrenches(loop, between)
         if loop.holds_point:
             force1, force2, axes = _point_forces(tree, loop, between)
             wrench1[:3, :3], wrench2[:3, :3] = force1, force2
             turn[index[:3], index[:3]] = axes
         wrenches = {
-            loop.body1: _about_origin(wrench1, between.arm),
-            loop.body2: _about_origin(wrench2, constant(loop.translation2)),
+            loop.body1: about_origin(wrench1, between.arm),
+            loop.body2: about_origin(wrench2, constant(loop.translation2)),
         }
         columns[:, index] = efforts_of_wrenches(tree.joints, at, wrenches, len(index))
     for row in tree.couplings:
@@ -103,11 +103,17 @@ def follower(row: CouplingRow, q: ca.SX, order: int) -> ca.SX:
 
 
 @dataclass(frozen=True, eq=False)
-class _Between:
+class Between:
     """Loop frame 2 as body 1 sees it.
 
-    `turn` (3, 3) are the axes of body 2 in those of body 1, `rotation` (3, 3) and `translation` (3, 1) are 1M2, `arm`
-    (3, 1) is the origin of frame 2 in body 1.
+    Attributes
+    ----------
+    turn
+        (3, 3) axes of body 2 in those of body 1.
+    rotation, translation
+        (3, 3) and (3, 1) 1M2 [m].
+    arm
+        (3, 1) origin of frame 2 in body 1 [m].
     """
 
     turn: ca.SX
@@ -116,18 +122,32 @@ class _Between:
     arm: ca.SX
 
 
-def _between(loop: LoopEnds, at: Placements) -> _Between:
+def frames_between(loop: LoopEnds, at: Placements) -> Between:
+    """Place loop frame 2 in body 1.
+
+    Parameters
+    ----------
+    loop
+        The loop.
+    at
+        Placements of the bodies.
+
+    Returns
+    -------
+    Between
+        How body 1 sees it.
+    """
     to_body1, from1 = at.to_world[loop.body1].T, rotation_constant(loop.rotation1).T
     turn = to_body1 @ at.to_world[loop.body2]
     rotation = from1 @ turn @ rotation_constant(loop.rotation2)
     if loop.holds_point and at.closed:
-        return _Between(turn, rotation, ca.SX.zeros(3), constant(loop.translation1))
+        return Between(turn, rotation, ca.SX.zeros(3), constant(loop.translation1))
     origin2 = at.in_world[loop.body2] + at.to_world[loop.body2] @ constant(loop.translation2)
     arm = to_body1 @ (origin2 - at.in_world[loop.body1])
-    return _Between(turn, rotation, from1 @ (arm - constant(loop.translation1)), arm)
+    return Between(turn, rotation, from1 @ (arm - constant(loop.translation1)), arm)
 
 
-def _point_forces(tree: Tree, loop: LoopEnds, between: _Between) -> tuple[ca.SX, ca.SX, ca.SX]:
+def _point_forces(tree: Tree, loop: LoopEnds, between: Between) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Three unit forces at a point, on bodies 1 and 2 in their axes, and their directions in frame 1."""
     from1 = rotation_constant(loop.rotation1).T
     if _along_body2(tree, loop):
@@ -140,7 +160,7 @@ def _along_body2(tree: Tree, loop: LoopEnds) -> bool:
     return loop.body1 in (0, tree.platform) or tree.joints[loop.body1 - 1].kind is JointKind.FLOATING
 
 
-def _row_wrenches(loop: LoopEnds, between: _Between) -> tuple[ca.SX, ca.SX]:
+def _row_wrenches(loop: LoopEnds, between: Between) -> tuple[ca.SX, ca.SX]:
     """Write forces above moments, at the origin of frame 2: on bodies 1 and 2 in their axes, (6, rows) each."""
     columns = []
     for row in loop.rows:
@@ -163,8 +183,21 @@ def _row_wrenches(loop: LoopEnds, between: _Between) -> tuple[ca.SX, ca.SX]:
     return both[0], both[1]
 
 
-def _about_origin(wrenches: ca.SX, arm: ca.SX) -> Wrench:
-    """Shift wrenches from a point to the body's origin."""
+def about_origin(wrenches: ca.SX, arm: ca.SX) -> Wrench:
+    """Shift wrenches from a point to the body's origin.
+
+    Parameters
+    ----------
+    wrenches
+        (6, k) forces above moments about the point.
+    arm
+        (3, 1) the point [m].
+
+    Returns
+    -------
+    tuple
+        (3, k) forces and moments about the origin.
+    """
     forces = wrenches[:3, :]
     return forces, wrenches[3:, :] + moments_of(arm, forces)
 
@@ -190,14 +223,14 @@ def loop_bias(tree: Tree, at: Placements, drifting: Motions, q: ca.SX, v: ca.SX)
     """
     values = ca.SX(tree.nc, 1)
     for loop in tree.loops:
-        values[list(loop.index)] = _row_accelerations(tree, loop, _between(loop, at), drifting)
+        values[list(loop.index)] = _row_accelerations(tree, loop, frames_between(loop, at), drifting)
     for row in tree.couplings:
         if row.v2 >= 0:
             values[row.index] = -follower(row, q, 2) * v[row.v2] ** 2
     return values
 
 
-def _row_accelerations(tree: Tree, loop: LoopEnds, between: _Between, moving: Motions) -> ca.SX:
+def _row_accelerations(tree: Tree, loop: LoopEnds, between: Between, moving: Motions) -> ca.SX:
     """Second derivatives of the rows' gap, of those that hold a point as they are turned."""
     one, two, back = loop.body1, loop.body2, rotation_constant(loop.rotation1).T
     arm, offset = between.arm, constant(loop.translation2)

@@ -18,7 +18,9 @@ from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, leg_rates,
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, balancing_efforts, motor_columns
 from stewart_pin.kernels.graph.state_functions import openness
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, motor_efforts
+from stewart_pin.kernels.planning.joint_physics import first_effect
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant, shared, skew, turning_matrix
+from stewart_pin.kernels.planning.tree import Tree
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_sufficient_motors
 from stewart_pin.typing import FloatArray
@@ -82,6 +84,7 @@ def driven_regressor(driven: DrivenTree) -> ca.Function:
 def _regressor(closed: ClosedTree, v: ca.SX, a: ca.SX) -> ca.SX:
     chain, tree = closed.chain, closed.tree
     require_sufficient_motors(chain)
+    require_inertial(chain, tree)
     bodies = PER_BODY * len(tree.joints)
     rotors = [joint.v.start + k for joint in tree.joints for k in np.flatnonzero(joint.rotor).tolist()]
     parameters = ca.SX.sym("parameters", bodies + len(rotors))
@@ -102,6 +105,30 @@ def _regressor(closed: ClosedTree, v: ca.SX, a: ca.SX) -> ca.SX:
 
     tau_motor, _ = motor_efforts(closed, needed, refuse)
     return ca.jacobian(tau_motor, parameters)
+
+
+def require_inertial(chain: ClosedChain, tree: Tree) -> None:
+    """Refuse motor efforts of which a part is in no inertial parameter.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    tree
+        Its constants.
+
+    Raises
+    ------
+    UnsupportedError
+        Naming a joint that does something by itself, and what.
+    """
+    effect = first_effect(tree)
+    if effect is not None:
+        raise UnsupportedError(
+            f"{chain.name} has no regressor: {effect}, and what joints do by themselves is in no inertial parameter; "
+            "take the regressor of the chain without, by with_joint_physics, and the difference of the motor efforts "
+            "beside it"
+        )
 
 
 def not_linear(chain: ClosedChain, idle: int) -> UnsupportedError:
@@ -192,6 +219,7 @@ def platform_regressor(placed: PlacedPlatform) -> ca.Function:
     """
     plan, chain = placed.plan, placed.plan.chain
     require_sufficient_motors(chain)
+    require_inertial(chain, plan.tree)
     idle = sum(leg.idle.shape[1] for leg in placed.legs)
     if idle:
         raise not_linear(chain, idle)

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.kernels.graph.driven_tree import integrated
+from stewart_pin.kernels.graph.joint_effects import resting
 from stewart_pin.kernels.graph.loop_rows import loop_gaps, opposed_axes
 from stewart_pin.kernels.graph.whole_tree import (
     ClosedTree,
@@ -56,7 +57,8 @@ def forward_dynamics_function(closed: ClosedTree) -> ca.Function:
     Returns
     -------
     casadi.Function
-        ``(q, v, tau_motor) -> (a, lambda_c)``, (nq, 1), (nv, 1), (nu, 1) to (nv, 1), (nc, 1).
+        ``(q, v, tau_motor) -> (a, lambda_c)``, (nq, 1), (nv, 1), (nu, 1) to (nv, 1), (nc, 1); with dry friction a third
+        output ``resting``, 1 where a joint that has it is at rest: results are then those without its friction.
 
     Raises
     ------
@@ -68,7 +70,7 @@ def forward_dynamics_function(closed: ClosedTree) -> ca.Function:
     return shared(
         "forward_dynamics",
         {"q": closed.q, "v": v, "tau_motor": tau_motor, **closed.outside},
-        {"a": a, "lambda_c": lambda_c},
+        {"a": a, "lambda_c": lambda_c, **resting(closed, v)},
     )
 
 
@@ -108,7 +110,7 @@ def judged_forward_dynamics(closed: ClosedTree) -> ca.Function:
     return shared(
         "forward_dynamics",
         {"q": closed.q, "v": v, "tau_motor": tau_motor, **closed.outside},
-        {"a": a, "open": openness(closed, closed.q, v)},
+        {"a": a, "open": openness(closed, closed.q, v), **resting(closed, v)},
     )
 
 

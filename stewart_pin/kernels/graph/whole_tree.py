@@ -24,6 +24,7 @@ from stewart_pin.kernels.graph.bodies import (
     placements,
     tree_efforts,
 )
+from stewart_pin.kernels.graph.joint_effects import joint_efforts
 from stewart_pin.kernels.graph.loop_rows import LoopColumns, loop_bias, loop_columns
 from stewart_pin.kernels.planning.elimination import (
     REGULAR,
@@ -202,8 +203,10 @@ def tree_inverse_dynamics(closed: ClosedTree, v: ca.SX, a: ca.SX) -> tuple[ca.SX
     return tau_motor, _reactions(closed, needed - motor_columns(tree) @ tau_motor)
 
 
-def demanded_efforts(closed: ClosedTree, v: ca.SX, a: ca.SX) -> ca.SX:
-    """Express the joint efforts that a motion needs beside what acts from outside: M a + nle - Σ J_fᵀ w_f.
+def demanded_efforts(closed: ClosedTree, v: ca.SX, a: ca.SX, *, starts: bool = True) -> ca.SX:
+    """Express the joint efforts that a motion needs beside what acts from outside and what joints do by themselves.
+
+    They are M a + nle - Σ J_fᵀ w_f - efforts of joints.
 
     Parameters
     ----------
@@ -211,6 +214,8 @@ def demanded_efforts(closed: ClosedTree, v: ca.SX, a: ca.SX) -> ca.SX:
         Chain at its configuration.
     v, a
         (nv, 1) tangent velocity and acceleration.
+    starts
+        Whether the acceleration tells where joints at rest are about to move; else their dry friction is left out.
 
     Returns
     -------
@@ -220,7 +225,9 @@ def demanded_efforts(closed: ClosedTree, v: ca.SX, a: ca.SX) -> ca.SX:
     joints, at = closed.tree.joints, closed.at
     moving = motions(joints, at, v, a, at_rest(constant(closed.tree.gravity)))
     acting = outside_wrenches(joints, at, closed.tree.outside, closed.wrenches)
-    return tree_efforts(joints, at, moving, a, acting)
+    efforts = tree_efforts(joints, at, moving, a, acting)
+    own = joint_efforts(closed, v, a if starts else None)
+    return efforts if own is None else efforts - own
 
 
 def motor_efforts(
@@ -282,7 +289,7 @@ def tree_forward_dynamics(closed: ClosedTree, v: ca.SX, tau_motor: ca.SX) -> tup
     """
     tree, chain = closed.tree, closed.chain
     a = closed.reduced.transposed(-tree_bias(closed, v))
-    needed = demanded_efforts(closed, v, a)
+    needed = demanded_efforts(closed, v, a, starts=False)
     left = needed - motor_columns(tree) @ tau_motor
     moved = inertia_times(closed, closed.motions)
     inertia = closed.motions.T @ moved

@@ -6,12 +6,13 @@ where anybody may set them.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import TYPE_CHECKING
 
-from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import physics_coordinates
-from stewart_pin.model.joint_physics import read_fields
 from stewart_pin.state.chain import ClosedChain
+
+if TYPE_CHECKING:
+    from stewart_pin.kernels.planning.tree import Tree
 
 FIELDS = ("armature", "damping", "upperDryFrictionLimit", "lowerDryFrictionLimit")
 """Fields of the model that constants of kernels are read from."""
@@ -33,31 +34,61 @@ def fields_key(chain: ClosedChain) -> bytes:
     return b"".join(getattr(chain.model, field).tobytes() for field in FIELDS)
 
 
-def require_passive_joints(chain: ClosedChain) -> None:
-    """Refuse damping, dry friction and springs, which have no graph.
+def is_passive(tree: Tree) -> bool:
+    """Tell whether joints do nothing by themselves, but for their rotors.
 
     Parameters
     ----------
-    chain
-        Closed chain.
+    tree
+        Constants of a chain.
 
-    Raises
-    ------
-    UnsupportedError
-        Naming the joint and the quantity.
+    Returns
+    -------
+    bool
+        Whether there is neither spring nor damping nor dry friction.
     """
-    fields = read_fields(chain.model)
-    for name in ("damping", "friction"):
-        for k in np.flatnonzero(fields[name]):
-            raise _unsupported(chain, f"'{chain.tangent_names[k]}' has {name} {fields[name][k]:g}")
-    for joint in chain.mechanism.joints:
+    return first_effect(tree) is None
+
+
+def has_friction(tree: Tree) -> bool:
+    """Tell whether there is dry friction.
+
+    Parameters
+    ----------
+    tree
+        Constants of a chain.
+
+    Returns
+    -------
+    bool
+        Whether a joint of the tree or of a loop has it.
+    """
+    of_loops = any(physics.friction for loop in tree.loops for physics in loop.physics)
+    return of_loops or any(joint.friction.any() for joint in tree.joints)
+
+
+def first_effect(tree: Tree) -> str | None:
+    """Name a joint that does something by itself, but for its rotor.
+
+    Parameters
+    ----------
+    tree
+        Constants of a chain.
+
+    Returns
+    -------
+    str or None
+        The joint, and what it has.
+    """
+    for joint in tree.joints:
+        for name in ("damping", "friction"):
+            values = getattr(joint, name)
+            if values.any():
+                return f"joint '{joint.name}' has {name} {values.max():g}"
         if joint.physics.pushes:
-            raise _unsupported(chain, f"joint '{joint.name}' has a spring or a force ({joint.physics})")
-    for loop in chain.loops:
+            return f"joint '{joint.name}' has a spring or a force ({joint.physics})"
+    for loop in tree.loops:
         for word, physics in zip(physics_coordinates(loop.kind), loop.physics, strict=False):
             if physics:
-                raise _unsupported(chain, f"'{word}' of loop '{loop.name}' has {physics}")
-
-
-def _unsupported(chain: ClosedChain, reason: str) -> UnsupportedError:
-    return UnsupportedError(f"{chain.name} has no kernels: {reason}; use the verbs of one state")
+                return f"'{word}' of loop '{loop.name}' has {physics}"
+    return None

@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import UnsupportedError
+from stewart_pin.kernels.planning.joint_physics import first_effect
 from stewart_pin.kernels.planning.samples import pivot_samples
 from stewart_pin.kernels.planning.spatial import Masses
 from stewart_pin.kernels.planning.tree import LoopEnds, OutsidePoint, Tree, TreeJoint, tree_of
@@ -193,6 +194,9 @@ def _require_free_legs(chain: ClosedChain, tree: Tree) -> None:
     rotors = [joint.name for joint in tree.joints if joint.rotor.any()]
     if rotors:
         raise _unsupported(chain, f"joint '{rotors[0]}' has a rotor (armature of the model)")
+    effect = first_effect(tree)
+    if effect is not None:
+        raise _unsupported(chain, effect)
     if not tree.platform:
         raise _unsupported(chain, "the platform is the ground")
     if tree.couplings:
@@ -310,6 +314,7 @@ def _cut(chain: ClosedChain, tree: Tree, joint: TreeJoint) -> LoopEnds:
         axis=joint.axis,
         rows=(),
         index=(),
+        axis2=joint.axis,
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import ClosureError, SingularityError, UnsupportedError
-from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
+from stewart_pin.mechanics.inverse_dynamics import idle_inertia, inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion, platform_pose
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.tree import link_frame
@@ -168,6 +168,48 @@ def require_idle_without_effect(chain: ClosedChain, q: Configuration) -> None:
             f"where idle freedoms of {chain.name} stand ({', '.join(names[:3])}, ...) changes the motor efforts, and "
             "neither platform nor motors determine it; use coordinates='tree'"
         )
+
+
+def require_idle_without_physics(chain: ClosedChain, *, told: bool) -> None:
+    """Refuse springs, damping and dry friction of joints that idle motions move, where nothing answers them.
+
+    Neither platform nor motors tell where such a joint stands, and what it does by itself depends on that; and idle
+    freedoms without inertia have no acceleration that it could give them.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    told
+        Whether the whole state is given: then only idle freedoms without inertia are in the way.
+
+    Raises
+    ------
+    UnsupportedError
+        Naming a joint.
+    """
+    effects = chain.at(chain.q_home).effects
+    if effects is None or not chain.generic.count.idle:
+        return
+    pushed = (effects.damping != 0) | (effects.friction != 0)
+    pushed[chain.joint_effects.in_v] = True
+    names = np.array([*np.array(chain.tangent_names)[pushed], *(["of a ball or a loop"] * len(effects.rows))])
+    for q in chain.generic.samples:
+        state = chain.at(q)
+        idle = state.freedom.idle
+        if told:
+            _, axes, heavy = idle_inertia(state)
+            idle = idle @ axes[:, ~heavy]
+        rows = np.vstack([np.eye(chain.nv)[pushed], chain.joint_effects.rows(state)])
+        moved = np.abs(rows @ idle).max(axis=1, initial=0.0) > _STANDS * max(1.0, chain.length_scale)
+        if moved.any():
+            why = "which neither platform nor motors say where to; use coordinates='tree'"
+            if told:
+                why = "which have no inertia; use the verbs of one state, or give the bodies mass"
+            raise UnsupportedError(
+                f"joint '{names[moved][0]}' has a spring, damping or friction, and is moved by idle freedoms of "
+                f"{chain.name}, {why}"
+            )
 
 
 def require_standing_frames(chain: ClosedChain) -> None:

@@ -14,6 +14,7 @@ import pinocchio as pin
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.planning.spatial import Masses
 from stewart_pin.model.description import JointKind
+from stewart_pin.model.joint_physics import JointPhysics, read_fields
 from stewart_pin.model.loop_rows import NormalRow, Row, closure_rows
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.outside import outside_places
@@ -52,6 +53,10 @@ class TreeJoint:
         Of the body, about the joint frame.
     rotor
         Inertia of each tangent entry's own, which Pinocchio calls armature [kg or kg m²].
+    damping, friction
+        Viscous and dry friction of each tangent entry [N s/m or N m s/rad, N or N m].
+    physics
+        Its spring and constant force; the rest stands above.
     """
 
     name: str
@@ -64,6 +69,9 @@ class TreeJoint:
     v: slice
     masses: Masses
     rotor: FloatArray
+    damping: FloatArray
+    friction: FloatArray
+    physics: JointPhysics
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +96,10 @@ class LoopEnds:
         Equations, in the order of the chain's loop rows.
     index
         Place of each row among all loop rows.
+    axis2
+        (3,) unit vector of the other free axis of a universal joint, in frame 2.
+    physics
+        What the joint does by itself, along each of `physics_coordinates`.
     """
 
     name: str
@@ -101,6 +113,8 @@ class LoopEnds:
     axis: FloatArray
     rows: tuple[Row, ...]
     index: tuple[int, ...]
+    axis2: FloatArray
+    physics: tuple[JointPhysics, ...] = ()
 
     @property
     def holds_point(self) -> bool:
@@ -260,8 +274,9 @@ def tree_of(chain: ClosedChain, wrenches: Sequence[str] = ()) -> Tree:
     """
     # Without a platform the ground stands for it; functions of a platform are refused before they are written.
     frame = chain.model.frames[0 if chain.platform is None else chain.platform_id]
+    fields = read_fields(chain.model)
     return Tree(
-        joints=tuple(_joint(chain, k) for k in range(1, chain.model.njoints)),
+        joints=tuple(_joint(chain, k, fields) for k in range(1, chain.model.njoints)),
         loops=_loops(chain),
         couplings=_couplings(chain),
         nq=chain.nq,
@@ -280,7 +295,7 @@ def tree_of(chain: ClosedChain, wrenches: Sequence[str] = ()) -> Tree:
     )
 
 
-def _joint(chain: ClosedChain, number: int) -> TreeJoint:
+def _joint(chain: ClosedChain, number: int, fields: dict[str, FloatArray]) -> TreeJoint:
     model = chain.model
     name, joint = model.names[number], model.joints[number]
     described = chain.mechanism.joint(name)
@@ -289,7 +304,7 @@ def _joint(chain: ClosedChain, number: int) -> TreeJoint:
             f"joint '{name}' is {described.kind} with {joint.nq} coordinates; kernels have revolute, prismatic, "
             "spherical and floating joints"
         )
-    placement = model.jointPlacements[number]
+    placement, own = model.jointPlacements[number], slice(joint.idx_v, joint.idx_v + joint.nv)
     return TreeJoint(
         name=name,
         kind=described.kind,
@@ -298,9 +313,12 @@ def _joint(chain: ClosedChain, number: int) -> TreeJoint:
         translation=np.array(placement.translation),
         axis=np.array(described.axis, dtype=float),
         q=slice(joint.idx_q, joint.idx_q + joint.nq),
-        v=slice(joint.idx_v, joint.idx_v + joint.nv),
+        v=own,
         masses=masses_of(model.inertias[number]),
-        rotor=np.array(model.armature[joint.idx_v : joint.idx_v + joint.nv]),
+        rotor=fields["armature"][own],
+        damping=fields["damping"][own],
+        friction=fields["friction"][own],
+        physics=described.physics,
     )
 
 
@@ -340,6 +358,8 @@ def _loops(chain: ClosedChain) -> tuple[LoopEnds, ...]:
                 axis=np.array(loop.axis, dtype=float),
                 rows=rows,
                 index=tuple(range(place.start, place.stop)),
+                axis2=np.array(loop.axis2, dtype=float),
+                physics=loop.physics,
             )
         )
     return tuple(loops)

@@ -154,14 +154,15 @@ class Caller:
         -------
         SingleState or SearchingState
             Function of one state; its results are those of the verb, bit for bit, in fresh arrays unless it is called
-            with ``out=``. The second looks for the pose or the configuration first, as the verb does.
+            with ``out=``. The second looks for the pose or the configuration first, as the verb does. Armature, damping
+            and friction are those of now, whatever becomes of the model.
 
         Raises
         ------
         InputError
             If there is no such verb.
         UnsupportedError
-            If the verb is not for these coordinates.
+            If the verb is not for these coordinates, or armature, damping or friction have been changed.
         """
         if verb in _OF_POSES:
             self._require_platform(verb)

@@ -289,6 +289,8 @@ def judged(
     inputs = function.sx_in()
     outputs = dict(zip(function.name_out(), function.call(inputs), strict=True))
     bounds = [StateBound(name, upper=_FEASIBLE[kind]) for name in ("infeasible", "open") if name in outputs]
+    if "resting" in outputs:
+        bounds.append(StateBound("resting", upper=0.5, code=StateStatus.RESTING))
     if "pose" in function.name_in():
         quaternion = inputs[function.name_in().index("pose")][3:]
         outputs["quaternion_square"] = ca.dot(quaternion, quaternion)

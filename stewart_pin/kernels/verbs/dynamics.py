@@ -152,7 +152,8 @@ class DynamicsVerbs(Caller):
         Raises
         ------
         UnsupportedError
-            If there are idle freedoms: they obey their own inertia, and efforts are not linear in it.
+            If there are idle freedoms: they obey their own inertia, and efforts are not linear in it; or joints have
+            springs, damping or friction, which are in no inertial parameter.
         """
         return self._call(
             "regressor", (pose, twist, acceleration), Places(out, status, conditioning, threads)
