@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
-from stewart_pin.model.description import JointKind
+from stewart_pin.model.description import Joint, JointKind, Link
+from tests.small_usd import as_others_see_it
 
 _NUMBER = re.compile(r"-?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?")
 _PLACES = {
@@ -76,3 +77,30 @@ def half_unit(style: str) -> float:
     """How far a number below ten is from what was meant, at most."""
     decimals = int(style[:-1]) - (style[-1] == "g")
     return 0.5 * 10.0**-decimals
+
+
+def on_kinematic_bodies(chain: stp.ClosedChain, folder: Path) -> tuple[stp.ClosedChain, Path]:
+    """Put each joint of the ground on a body of its own that stands still, askew in the world; write it as OpenUSD."""
+    old, rng = chain.described(), np.random.default_rng(0)
+    world = pin.SE3(Rotation.random(rng=rng).as_matrix(), rng.normal(size=3))
+    posts: list[Joint] = []
+
+    def post(placement: pin.SE3) -> str:
+        name = f"post_{len(posts)}"
+        posts.append(Joint(f"hold_{name}", JointKind.FIXED, old.root, name, world * placement))
+        return name
+
+    one = pin.SE3.Identity()
+    joints = [
+        replace(joint, parent=post(joint.placement), placement=one) if joint.parent == old.root else joint
+        for joint in old.joints
+    ]
+    bodies = tuple(Link(joint.child, pin.Inertia.FromSphere(1.0, 0.1)) for joint in posts)
+    mechanism = replace(old, links=(*old.links, *bodies), joints=(*posts, *joints))
+    exact = build_chain(mechanism, motors=chain.motors, platform=chain.platform, gravity=chain.gravity)
+    stp.export(exact, folder / "posts.usda", format="usd")
+    path = as_others_see_it(folder / "posts.usda")
+    text = re.sub(r'\n +def PhysicsFixedJoint "hold_post_\d+"[^{]*\{[^}]*\}\n', "\n", path.read_text())
+    still = r"\1\n        bool physics:kinematicEnabled = 1"
+    path.write_text(re.sub(r'(def Xform "post_\d+"[^{]*\{)', still, text))
+    return exact, path

@@ -239,7 +239,7 @@ def _settle_assembled(chain: ClosedChain) -> ClosedChain:
     if not start.success:
         raise MechanismError(
             f"no home configuration: the loops do not close where the file places its links: the gap is "
-            f"{start.gap:.3g} m; correct the poses",
+            f"{start.gap:.3g} m; correct the poses{_if_rounding(start)}",
             path=chain.mechanism.source,
             culprit="home",
         )
@@ -363,10 +363,19 @@ def _no_home(
             f"; within all limits a gap of {stuck.gap:.3g} m or rad is left, where those of {held} "
             "stand in the way"
         )
-    gap = smallest.state.largest_gap
-    if "do not close" in fault and gap < _ROUNDING:
-        fault += f"; if that is rounding, load with closure_tolerance={2 * gap:.1g}, or more"
+    if "do not close" in fault:
+        fault += _if_rounding(smallest)
     return _wrong_home(chain, fault)
+
+
+def _if_rounding(closure: Closure) -> str:
+    """Offer to forgive a gap that may be rounding."""
+    gap = closure.state.largest_gap
+    return (
+        f"; if that is rounding, load with closure_tolerance={2 * gap:.1g}, or more"
+        if gap < _ROUNDING
+        else ""
+    )
 
 
 def _unlimited(chain: ClosedChain) -> ClosedChain:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +17,7 @@ from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError, MechanismError
 from stewart_pin.model.description import Link, Mechanism
 from stewart_pin.state.newton import rank_at_precision
-from tests.printed import half_unit, round_places, turned_frames
+from tests.printed import half_unit, on_kinematic_bodies, round_places, turned_frames
 from tests.rewritten import in_other_unit
 from tests.zoo.table import ZOO, zoo_chain
 
@@ -206,6 +207,40 @@ def test_what_digits_do_not_explain_may_be_said_to_be_rounding(tmp_path: Path) -
         stp.load(path)
     tolerance = float(re.search(r"closure_tolerance=([\d.]+)", str(caught.value))[1])  # type: ignore[index]
     assert stp.mobility(stp.load(path, closure_tolerance=tolerance)).dof == stp.mobility(exact).dof
+
+
+@pytest.mark.parametrize("style", ["4f", "5f", "6f"])
+@pytest.mark.parametrize("name", ["crank_rocker", "five_bar_5r", "oldham"])
+def test_digits_of_bodies_that_stand_still_count(name: str, style: str, tmp_path: Path) -> None:
+    """Joints stand at the origins of kinematic bodies, so that the places of these alone have digits."""
+    exact, path = on_kinematic_bodies(zoo_chain(name), tmp_path)
+    round_places(path, style)
+    printed = stp.load(path, motors=exact.motors, platform=exact.platform, gravity=exact.gravity)
+    assert printed.generic.count == exact.generic.count
+    off = half_unit(style)
+    places = [stp.platform_pose(chain, chain.q_home) for chain in (exact, printed)]
+    assert np.abs(pin.log6(places[0].actInv(places[1])).vector / exact.twist_sizes).max() <= HOME * off
+    size = max(np.abs(rest_effort(exact, exact.q_home)).max(), 1.0)
+    error = np.abs(rest_effort(printed, printed.q_home) - rest_effort(exact, exact.q_home)).max()
+    assert error <= EFFORT * off * size
+
+
+def test_poses_that_leave_loops_open_may_be_said_to_be_rounding(tmp_path: Path) -> None:
+    """A post whose numbers have all digits stands beside its place; the error says what takes them for rounded."""
+    exact, path = on_kinematic_bodies(zoo_chain("crank_rocker"), tmp_path)
+    before, post, after = path.read_text().partition('def Xform "post_0"')
+    moved = re.sub(
+        r"(xformOp:translate = \()([^,]*)", lambda m: f"{m[1]}{float(m[2]) + 2e-4!r}", after, count=1
+    )
+    path.write_text(before + post + moved)
+    names: dict[str, Any] = {"motors": exact.motors, "platform": exact.platform}
+    with pytest.raises(
+        MechanismError, match=r"where the file places its links: .* closure_tolerance="
+    ) as caught:
+        stp.load(path, **names)
+    found = re.search(r"closure_tolerance=([\d.e+-]+), or more", str(caught.value))
+    assert found is not None
+    assert stp.load(path, closure_tolerance=float(found[1]), **names).generic.count == exact.generic.count
 
 
 @pytest.mark.parametrize(("seed", "style"), [(0, "6f"), (1, "6f"), (2, "6f"), (3, "6f"), (3, "5f")])

@@ -35,7 +35,7 @@ GROUND = ""
 """Stands for the path of the body that a joint to the world has."""
 _UNIT = 1e-13
 """How far the square of a unit vector of all digits may be from one: its last digits are kept."""
-_CHANCE = 1e-14
+CHANCE = 1e-14
 """Half a unit of a last digit that a number of double precision may lack by chance."""
 _OPEN = Bounds()
 _TYPED = {
@@ -316,7 +316,7 @@ class JointReader:
             turned += [*self.stage.own(prim, "axis", ())]
             angles = [half_unit(repr(float(value))) for value in turned]
             # A number whose last digit is 0 by chance is none of fourteen decimals.
-            found = Precision(*(most if most > _CHANCE else 0.0 for most in (max(lengths), max(angles))))
+            found = Precision(*(most if most > CHANCE else 0.0 for most in (max(lengths), max(angles))))
             self.digits = Precision(
                 max(self.digits.length, found.length), max(self.digits.angle, found.angle)
             )

@@ -11,7 +11,7 @@ References
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,8 +26,9 @@ from stewart_pin.model.description import (
     JointKind,
     Mechanism,
 )
-from stewart_pin.model.formats.usd.bodies import Body, read_bodies, read_frames
-from stewart_pin.model.formats.usd.joints import GROUND, Edge, JointReader
+from stewart_pin.model.formats.precision import Precision, half_unit
+from stewart_pin.model.formats.usd.bodies import Body, body_above, quaternion_of, read_bodies, read_frames
+from stewart_pin.model.formats.usd.joints import CHANCE, GROUND, Edge, JointReader
 from stewart_pin.model.formats.usd.stage import OWN, PLATFORM, Stage, meant, open_stage, same_single
 from stewart_pin.model.formats.usd.tree import TreeMaker
 from stewart_pin.typing import FloatArray
@@ -69,6 +70,7 @@ def read_usd(path: Path) -> Mechanism:
         )
     reader = JointReader(stage, bodies)
     edges = reader.read()
+    digits = _with_places(stage, bodies, edges, reader.digits)
     ground = _ground(bodies, edges)
     if ground is not None:
         edges = [_without(edge, ground) for edge in edges if GROUND not in edge.bodies]
@@ -111,7 +113,7 @@ def read_usd(path: Path) -> Mechanism:
         notes=tuple(stage.notes),
         gravity=_gravity(stage, root, bodies),
         odd_inertias=frozenset(odd),
-        digits=(reader.digits.length, reader.digits.angle),
+        digits=(digits.length, digits.angle),
     )
     told = stage.own(root, "assembled")
     if told is not None and all(edge.told or edge.name.endswith("_static") for edge in edges):
@@ -159,6 +161,77 @@ def _gravity(stage: Stage, root: Any, bodies: Mapping[str, Body]) -> tuple[float
         found[0] = np.array(told)
     x, y, z = (float(part) + 0.0 for part in found[0])
     return x, y, z
+
+
+# ----------------------------------------------------------------------------------------------------
+# Digits of what stands still: where joints end on several such bodies, their places are as much geometry as frames
+# ----------------------------------------------------------------------------------------------------
+
+
+def _with_places(
+    stage: Stage, bodies: Mapping[str, Body], edges: Sequence[Edge], digits: Precision
+) -> Precision:
+    """Count the digits of what places bodies that do not move, and other prims on which joints end."""
+    placed: dict[str, list[Any]] = {}
+    for edge in edges:
+        joint = stage.stage.GetPrimAtPath(edge.path)
+        for number in (0, 1) if joint else ():
+            found = stage.targets(joint, f"physics:body{number}")
+            prim = stage.stage.GetPrimAtPath(found[0]) if found else None
+            owner = None if prim is None else body_above(stage, prim)
+            body = None if owner is None else bodies.get(str(owner.GetPath()))
+            if body is None or body.still:
+                still = owner or prim
+                key = "" if still is None else str(still.GetPath())
+                placed[key] = [] if prim is None else [*_upward(prim)]
+    if len(placed) < 2:  # all stand on one, wherever that is
+        return digits
+    places = {str(prim.GetPath()): prim for prims in placed.values() for prim in prims}
+    open_by = [_open_by(stage, prim) for prim in places.values()]
+    lengths, angles = ([getattr(each, key) for each in open_by] for key in ("length", "angle"))
+    return Precision(max([digits.length, *lengths]), max([digits.angle, *angles]))
+
+
+def _upward(prim: Any) -> Iterator[Any]:
+    while prim and str(prim.GetPath()) != "/":
+        yield prim
+        prim = prim.GetParent()
+
+
+def _open_by(stage: Stage, prim: Any) -> Precision:
+    """Find what the digits of the operations leave open that place a prim in its parent."""
+    geometry = stage.usd.UsdGeom
+    if not prim.IsA(geometry.Xformable):
+        return Precision()
+    lengths, angles = [0.0], [0.0]
+    for operation in geometry.Xformable(prim).GetOrderedXformOps():
+        value, kind = operation.Get(stage.cache.GetTime()), str(operation.GetOpType())
+        single = operation.GetPrecision() != geometry.XformOp.PrecisionDouble
+        if value is None or kind.endswith("TypeScale"):
+            continue
+        if kind.endswith("TypeTransform"):
+            matrix = np.array(value)
+            lengths += [_left_open(x, single=single) for x in matrix[3, :3]]
+            angles += [_left_open(x, single=single) for x in matrix[:3, :3].flat]
+        elif kind.endswith("TypeOrient"):
+            # An entry of a quaternion is half an angle.
+            angles += [2 * _left_open(x, single=single) for x in quaternion_of(value)]
+        elif kind.endswith("TypeTranslate"):
+            lengths += [_left_open(x, single=single) for x in value]
+        else:
+            angles += [np.deg2rad(_left_open(x, single=single)) for x in np.atleast_1d(value)]
+    above = prim.GetParent()
+    scale = 1.0 if above.IsPseudoRoot() else float(stage.pose(above)[1].max())
+    return Precision(max(lengths) * scale * stage.metre, float(max(angles)))
+
+
+def _left_open(value: float, *, single: bool) -> float:
+    """Half a unit of the last digit of a number, or of the last bit where it is of single precision."""
+    if single:  # a place is computed of the number as it is, not of the decimals that it stands for
+        number = np.float32(value)
+        return max(half_unit(str(number)), float(np.spacing(np.abs(number))) / 2 if number else 0.0)
+    found = half_unit(repr(float(value)))
+    return found if found > CHANCE else 0.0
 
 
 # ----------------------------------------------------------------------------------------------------
