@@ -9,7 +9,7 @@ with here too.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -28,6 +28,7 @@ from stewart_pin.model.description import (
     Note,
     Outcome,
 )
+from stewart_pin.model.joint_physics import NO_PHYSICS, JointPhysics
 from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.typing import FloatArray
 
@@ -52,6 +53,23 @@ class Unfolded:
     joints: tuple[Joint, ...]
     couplings: tuple[Coupling, ...]
     note: Note
+
+    def doing(self, physics: Sequence[JointPhysics]) -> Unfolded:
+        """Give the joints what they do by themselves.
+
+        Parameters
+        ----------
+        physics
+            Of the joints in their order; those that are left over do nothing.
+
+        Returns
+        -------
+        Unfolded
+            The same row.
+        """
+        own = (*physics, *(NO_PHYSICS,) * len(self.joints))
+        joints = tuple(replace(joint, physics=each) for joint, each in zip(self.joints, own, strict=False))
+        return replace(self, joints=joints)
 
 
 def unfold_universal(

@@ -24,14 +24,14 @@ def test_what_is_ignored_is_noted(tmp_path: Path) -> None:
             "j",
             "world",
             "a",
-            axis="<dynamics><damping>1</damping><spring_stiffness>9</spring_stiffness></dynamics>",
+            axis="<dynamics><damping>1</damping><slack>9</slack></dynamics>",
             content="<physics><ode/></physics>",
         ),
         "<odd_one>1</odd_one>",
     )
     ignored = {note.text.split(":")[0] for note in mechanism.notes if note.outcome is Outcome.IGNORED}
     assert ignored >= {
-        "<self_collide>", "<plugin>", "<visual>", "<collision>", "<sensor>", "<dynamics>", "<physics>", "<odd_one>",
+        "<self_collide>", "<plugin>", "<visual>", "<collision>", "<sensor>", "<slack>", "<physics>", "<odd_one>",
     }  # fmt: skip
 
 

@@ -51,6 +51,8 @@ class Parts:
         What the reader made of the tag.
     motors
         Joints that the tag names as driven; None: it is no list of motors.
+    rotors
+        Joints that get a rotor, with its inertia times the square of the gear ratio [kg or kg m²].
     later
         What the tag adds once all links and joints are known: called with the mechanism, in the order of the file.
     """
@@ -61,6 +63,7 @@ class Parts:
     couplings: tuple[Coupling, ...] = ()
     notes: tuple[Note, ...] = ()
     motors: tuple[str, ...] | None = None
+    rotors: tuple[tuple[str, float], ...] = ()
     later: Callable[[Mechanism], Parts] | None = None
 
     @classmethod

@@ -29,6 +29,7 @@ from stewart_pin.model.formats.dialect import (
     grammar,
     side_car_suffixes,
 )
+from stewart_pin.model.formats.dynamics import with_rotors
 from stewart_pin.model.formats.mjcf.compiling import Names
 from stewart_pin.model.formats.mjcf.reading import read_mjcf
 from stewart_pin.model.formats.sdf import read_sdf
@@ -220,6 +221,11 @@ class _UrdfReader(UrdfElements):
             notes=(*self.notes, *(note for part in parts for note in part.notes)),
         )
         mechanism = self._floating(mechanism)
+        rotors = [rotor for each in found for rotor in each.parts.rotors]
+        if rotors:
+            told = len(self.notes)
+            mechanism = with_rotors(self, mechanism, rotors)
+            mechanism = replace(mechanism, notes=(*mechanism.notes, *self.notes[told:]))
         for each in found:
             if each.parts.later is not None:
                 mechanism = add_parts(mechanism, each.parts.later(mechanism), each.title)

@@ -17,8 +17,17 @@ import numpy as np
 import pinocchio as pin
 from lxml import etree
 
-from stewart_pin.model.description import Bounds, Joint, JointKind, Link, Outcome, loop_coordinates
+from stewart_pin.model.description import (
+    Bounds,
+    Joint,
+    JointKind,
+    Link,
+    Outcome,
+    loop_coordinates,
+    physics_coordinates,
+)
 from stewart_pin.model.formats.dialect import Parts
+from stewart_pin.model.formats.dynamics import DYNAMICS, SPREAD, physics_of, with_gazebo_spring
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
 from stewart_pin.model.formats.urdf_elements import (
     BOTH_SIDES,
@@ -28,7 +37,8 @@ from stewart_pin.model.formats.urdf_elements import (
     UrdfElements,
     read_shapes,
 )
-from stewart_pin.model.formats.xml import INERTIA_ENTRIES, MIRRORED, UNLIMITED
+from stewart_pin.model.formats.xml import INERTIA_ENTRIES, MIRRORED, UNLIMITED, shown_tag
+from stewart_pin.model.joint_physics import NO_PHYSICS, JointPhysics
 from stewart_pin.model.unfolding import Unfolded, unfold_cylindrical, unfold_planar, unfold_universal
 from stewart_pin.typing import FloatArray
 
@@ -124,7 +134,8 @@ def read_joint(reader: UrdfElements, element: etree._Element) -> Parts:
     ends = reader.ends(element, owner)
     placement, independent = reader.origin(element, owner), reader.flag(element, "independent", owner)
     if kind not in _UNFOLDED:
-        joint = Joint(name, kind, *ends, placement, independent=independent)
+        (physics,) = read_dynamics(reader, element, kind, owner)
+        joint = Joint(name, kind, *ends, placement, independent=independent, physics=physics)
         return Parts(joints=(_with_axis(reader, element, joint),))
     if independent:
         raise reader.error(f"{owner} is marked independent; a motor drives one freedom", owner)
@@ -145,7 +156,7 @@ def joint_tags(element: etree._Element) -> tuple[str, ...]:
         Tags.
     """
     universal = JOINT_TYPES.get(element.get("type", "")) is JointKind.UNIVERSAL
-    return ("parent", "child", "origin", "axis", "limit", *(("axis2",) if universal else ()))
+    return ("parent", "child", "origin", "axis", "limit", "dynamics", *(("axis2",) if universal else ()))
 
 
 def _with_axis(reader: UrdfElements, element: etree._Element, joint: Joint) -> Joint:
@@ -164,7 +175,11 @@ def _with_axis(reader: UrdfElements, element: etree._Element, joint: Joint) -> J
             reader.note(owner, f"<axis>: a {joint.kind} joint has none, but for that of a swing")
         return joint
     axis = reader.axis(element, owner, "axis", "1 0 0")
-    return replace(joint, axis=axis, **_limits(reader, element, owner, element.get("type", "")))
+    physics, spring = joint.physics, reader.gazebo_springs.get(joint.name)
+    if spring:
+        physics = with_gazebo_spring(reader, physics, spring, owner)
+    limits = _limits(reader, element, owner, element.get("type", ""))
+    return replace(joint, axis=axis, physics=physics, **limits)
 
 
 def _unfold(
@@ -178,12 +193,13 @@ def _unfold(
     owner = f"joint '{name}'"
     if reader.optional(element, "limit", owner) is not None:
         reader.note(owner, f"<limit>: which freedom of a {kind} joint it limits is not said")
+    physics = read_dynamics(reader, element, kind, owner)
     if kind is JointKind.UNIVERSAL:
         axes = [reader.axis(element, owner, tag, "") for tag in ("axis", "axis2")]
-        return unfold_universal(name, *ends, placement, *axes)
+        return unfold_universal(name, *ends, placement, *axes).doing(physics)
     axis = reader.axis(element, owner, "axis", "1 0 0")
     unfold = unfold_planar if kind is JointKind.PLANAR else unfold_cylindrical
-    return unfold(name, *ends, placement, axis)
+    return unfold(name, *ends, placement, axis).doing(physics)
 
 
 def _cones(reader: UrdfElements, joint: etree._Element, owner: str) -> dict[str, float]:
@@ -314,6 +330,116 @@ def _limits(
             Outcome.KEPT,
         )
     return limits
+
+
+def read_dynamics(
+    reader: UrdfElements, joint: etree._Element, kind: JointKind, owner: str
+) -> tuple[JointPhysics, ...]:
+    """Read the ``<dynamics>`` of a joint of the tree.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+    joint
+        The joint.
+    kind
+        Its kind; one of several freedoms may tell of all alike by one number, or of each.
+    owner
+        Its name, for messages.
+
+    Returns
+    -------
+    tuple of JointPhysics
+        One per freedom of a joint that is unfolded, in the order of its rows; of any other joint one.
+    """
+    element = reader.optional(joint, "dynamics", owner)
+    names = () if kind is JointKind.SPHERICAL else physics_coordinates(kind)
+    count = max(1, len(names))
+    if element is None:
+        return (NO_PHYSICS,) * count
+    if kind is JointKind.FIXED:
+        reader.note(owner, "<dynamics>: a joint that does not move has none")
+        return (NO_PHYSICS,)
+    if kind is JointKind.FLOATING:
+        _note_alike(reader, owner, "six coordinates")
+    return _of_each(reader, element, owner, kind, count)
+
+
+def _of_each(
+    reader: UrdfElements, element: etree._Element, owner: str, kind: JointKind, count: int
+) -> tuple[JointPhysics, ...]:
+    told: dict[str, FloatArray] = {}
+    for key in DYNAMICS:
+        if key in element.attrib:
+            where = f"{owner}: <dynamics {key}> (line {element.sourceline})"
+            told[key] = reader.parse(reader.text(element, key, owner), None, where, owner)
+            if key not in SPREAD and count > 1:
+                raise reader.error(
+                    f"{where}: along which coordinate of a {kind} joint is not said; write a joint for each",
+                    owner,
+                )
+            if key != "stiffness" and len(told[key]) not in (1, count):
+                wanted = f"one number, or {count}" if count > 1 else "one number"
+                raise reader.error(f"{where} must hold {wanted}, got {len(told[key])}", owner)
+    if any(len(values) == 1 for values in told.values()) and count > 1:
+        _note_alike(reader, owner, f"{count} coordinates")
+    return tuple(
+        physics_of(
+            reader,
+            element,
+            {
+                key: values if count == 1 else np.resize(values, count)[k : k + 1]
+                for key, values in told.items()
+            },
+            owner,
+        )
+        for k in range(count)
+    )
+
+
+def _note_alike(reader: UrdfElements, owner: str, coordinates: str) -> None:
+    reader.note(owner, f"<dynamics>: one number tells of its {coordinates} alike", Outcome.KEPT)
+
+
+def read_loop_dynamics(
+    reader: UrdfElements, element: etree._Element, owner: str, kind: JointKind
+) -> tuple[JointPhysics, ...]:
+    """Read what a joint that closes a loop does by itself: one ``<dynamics>`` for each coordinate, which names it.
+
+    Parameters
+    ----------
+    reader
+        Reader of the file.
+    element
+        The loop.
+    owner
+        Its name, for messages.
+    kind
+        Kind of the loop; a joint of one coordinate need not name it, and one of several tells without a name of all.
+
+    Returns
+    -------
+    tuple of JointPhysics
+        In the order of `physics_coordinates`; empty where nothing is told.
+    """
+    own = physics_coordinates(kind)
+    elements = [each for each in element.iterchildren(etree.Element) if shown_tag(each) == "dynamics"]
+    found: dict[str, JointPhysics] = {}
+    for each in elements:
+        if not own:
+            reader.note(owner, f"<dynamics>: a {kind} joint that closes a loop has no coordinate")
+            continue
+        coordinate = each.get("coordinate", own[0] if len(own) == 1 else "")
+        names = (coordinate,) if coordinate else own
+        if not set(names) <= set(own) or set(names) & found.keys():
+            raise reader.error(
+                f"{owner}: <dynamics coordinate='{coordinate}'> (line {each.sourceline}): a {kind} joint has "
+                f"{', '.join(own)}, each once",
+                owner,
+            )
+        found |= zip(names, _of_each(reader, each, owner, kind, len(names)), strict=True)
+    return tuple(found.get(coordinate, NO_PHYSICS) for coordinate in own) if any(found.values()) else ()
 
 
 def read_platform(reader: UrdfElements, links: tuple[Link, ...]) -> str | None:

@@ -12,6 +12,7 @@ from lxml import etree
 from stewart_pin.errors import FileFormatError
 from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Note, Outcome
+from stewart_pin.model.formats.dynamics import DYNAMICS, take_gazebo_springs
 from stewart_pin.model.formats.words import Strange, Words
 from stewart_pin.model.formats.xml import (
     INERTIA_ENTRIES,
@@ -34,7 +35,6 @@ CONES = ("swing", "turn")
 """Attributes of the ``<limit>`` of a ball."""
 
 _LOOK = Strange.TOLD
-_FRICTION = "friction and damping are arguments of the simulation"
 _ELSEWHERE = {
     "inertial": "a <link>",
     **dict.fromkeys(("mass", "inertia"), "the <inertial> of a <link>"),
@@ -66,11 +66,12 @@ CORE = {
     "origin": Words(("xyz", "rpy", "quat_xyzw")),
     "robot/joint": Words(
         ("name", "type", "independent"),
-        ("parent", "child", "origin", "axis", "axis2", "limit"),
+        ("parent", "child", "origin", "axis", "axis2", "limit", "dynamics"),
         elsewhere=_ELSEWHERE,
         strange=Strange.NOTED,
         told_by_reader=True,
     ),
+    "dynamics": Words(DYNAMICS, strange=Strange.NOTED),
     "joint/parent": Words(("link",)),
     "joint/child": Words(("link",)),
     "joint/axis": Words(("xyz",), (), {"@rpy": "zero alone: no reader of URDF turns an axis by it"}),
@@ -132,6 +133,11 @@ class UrdfElements(ElementReader):
         super().__init__(path)
         self.root = read_xml(path)
         self.notes: list[Note] = []
+
+    @cached_property
+    def gazebo_springs(self) -> dict[str, dict[str, FloatArray]]:
+        """Stiffness [N/m, N m/rad] and rest [m, rad] that ``<gazebo>`` gives to joints, taken out of it."""
+        return {} if self.root.find("gazebo") is None else take_gazebo_springs(self)
 
     @cached_property
     def told_materials(self) -> dict[str | None, etree._Element]:

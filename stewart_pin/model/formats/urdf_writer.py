@@ -23,6 +23,7 @@ from stewart_pin.model.description import (
     unknown_kind,
 )
 from stewart_pin.model.formats.dialect import COMPLETE, find_beside, write_files
+from stewart_pin.model.formats.dynamics import write_dynamics
 from stewart_pin.model.formats.urdf_elements import SIZE_ATTRIBUTES
 from stewart_pin.model.formats.xml import INERTIA_ENTRIES, UNLIMITED, number_text
 from stewart_pin.model.shapes import Material, MaterialNames, Shape, ShapeKind, path_from, rounded_as_three
@@ -277,6 +278,7 @@ def _write_joint(robot: etree._Element, joint: Joint) -> None:
             etree.SubElement(element, "axis", xyz=number_text(joint.axis))
         _write_stated(element, {"swing": joint.swing, "turn": joint.turn})
     if not joint.has_axis:
+        write_dynamics(element, joint.physics)
         return
     etree.SubElement(element, "axis", xyz=number_text(joint.axis))
     # URDF readers require effort and velocity, and take an absent lower or upper limit for 0.
@@ -288,6 +290,7 @@ def _write_joint(robot: etree._Element, joint: Joint) -> None:
     if not unlimited or not np.isinf(list(limits.values())).all():
         finite = {key: number_text([np.clip(value, -UNLIMITED, UNLIMITED)]) for key, value in limits.items()}
         etree.SubElement(element, "limit", finite)
+    write_dynamics(element, joint.physics)
 
 
 def write_bounds(owner: etree._Element, bounds: Bounds, **attributes: str) -> None:

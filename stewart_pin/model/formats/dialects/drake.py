@@ -26,6 +26,8 @@ from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Joint, JointKind, Loop, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import Dialect, Parts, note_lost_limits
 from stewart_pin.model.formats.dialects.mimic import write_mimics
+from stewart_pin.model.formats.dynamics import note_lost_physics, note_unheard
+from stewart_pin.model.formats.urdf_core import read_dynamics
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.urdf_writer import save, tree_element
 from stewart_pin.model.formats.words import Words
@@ -47,7 +49,6 @@ _BUSHING_PARTS = (
 )
 _JOINTS = ("ball", "planar", "screw", "universal")
 _X, _Y = np.eye(3)[:2]
-_FRICTION = "friction and damping are arguments of the simulation"
 
 
 def _read_ball(reader: UrdfElements, element: etree._Element) -> Parts:
@@ -91,15 +92,26 @@ def _read_joint(reader: UrdfElements, element: etree._Element) -> Parts:
     parent, child = reader.ends(element, owner)
     place = reader.origin(element, owner)
     if written == "ball":
-        return Parts(joints=(Joint(name, JointKind.SPHERICAL, parent, child, place),))
+        (physics,) = read_dynamics(reader, element, JointKind.SPHERICAL, owner)
+        return Parts(joints=(Joint(name, JointKind.SPHERICAL, parent, child, place, physics=physics),))
     if written == "universal":
-        return Parts.of(unfold_universal(name, parent, child, place, _X, _Y))
+        both = read_dynamics(reader, element, JointKind.UNIVERSAL, owner)
+        return Parts.of(unfold_universal(name, parent, child, place, _X, _Y).doing(both))
     axis = reader.axis(element, owner, "axis", "1 0 0")
     if written == "planar":
-        return Parts.of(unfold_planar(name, parent, child, place, axis))
+        each = read_dynamics(reader, element, JointKind.PLANAR, owner)
+        # Drake's slides go other ways in the plane than ours, where its normal is not z.
+        if each[0] != each[1] and abs(axis[2]) != 1:
+            raise reader.error(
+                f"{owner}: <dynamics> tells otherwise of x than of y, which Drake counts by axes of its own; turn the "
+                "joint so that its <axis> is z",
+                owner,
+            )
+        return Parts.of(unfold_planar(name, parent, child, place, axis).doing(each))
     thread = reader.child(element, "drake:screw_thread_pitch", owner)
     lead = float(reader.numbers(thread, "value", 1, owner)[0])
-    return Parts.of(unfold_screw(name, parent, child, place, axis, lead))
+    turn = read_dynamics(reader, element, JointKind.REVOLUTE, owner)
+    return Parts.of(unfold_screw(name, parent, child, place, axis, lead).doing(turn))
 
 
 def joint_of_bushing(force: FloatArray, torque: FloatArray) -> tuple[JointKind, FloatArray] | None:
@@ -231,11 +243,13 @@ def write_drake(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
                 "loops_by_balls(chain) holds hinges and rigid closures by balls"
             )
         _write_ball(robot, loop)
+    rotors: list[str] = []
     for joint in mechanism.joints:
         if joint.independent:
-            _write_transmission(robot, joint)
-    lost = note_lost_limits(mechanism, "drake")
-    return (*notes, *lost, *save(robot, mechanism, path))
+            rotors += _write_transmission(robot, joint)
+    lost = (*note_lost_limits(mechanism, "drake"), *note_lost_physics(mechanism, "drake"))
+    unheard = note_unheard(mechanism, "Drake", ("damping",), rotors)
+    return (*notes, *lost, *unheard, *save(robot, mechanism, path))
 
 
 def _fix_to_world(robot: etree._Element, mechanism: Mechanism) -> None:
@@ -256,11 +270,23 @@ def _write_ball(robot: etree._Element, loop: Loop) -> None:
         etree.SubElement(element, f"{{{_NAMESPACE}}}ball_constraint_{points}", value=value)
 
 
-def _write_transmission(robot: etree._Element, joint: Joint) -> None:
+def _write_transmission(robot: etree._Element, joint: Joint) -> list[str]:
+    """Write a motor, with its rotor where Drake finds it there; return whose."""
     element = etree.SubElement(robot, "transmission", name=f"{joint.name}_transmission")
     etree.SubElement(element, "type").text = "transmission_interface/SimpleTransmission"
     etree.SubElement(element, "joint", name=joint.name)
-    etree.SubElement(element, "actuator", name=f"{joint.name}_motor")
+    actuator = etree.SubElement(element, "actuator", name=f"{joint.name}_motor")
+    # Drake has no motor where the effort may be none.
+    if not joint.physics.armature or joint.bounds.effort[1] == 0:
+        return []
+    (told,) = (e for e in robot.iterfind("joint") if e.get("name") == joint.name)
+    dynamics = told.find("dynamics")
+    assert dynamics is not None
+    for tag, value in (("rotor_inertia", dynamics.attrib.pop("armature")), ("gear_ratio", "1")):
+        etree.SubElement(actuator, f"{{{_NAMESPACE}}}{tag}", value=str(value))
+    if not dynamics.attrib:
+        told.remove(dynamics)
+    return [joint.name]
 
 
 DIALECT = Dialect(
@@ -283,8 +309,8 @@ DIALECT = Dialect(
         **{f"drake:bushing_{part}": Words(("value",)) for part in _BUSHING_PARTS[2:]},
         "robot/drake:joint": Words(
             ("name", "type"),
-            ("parent", "child", "origin", "axis", "drake:screw_thread_pitch"),
-            {"dynamics": _FRICTION, "limit": "Drake reads none for joints of these types"},
+            ("parent", "child", "origin", "axis", "dynamics", "drake:screw_thread_pitch"),
+            {"limit": "Drake reads none for joints of these types"},
         ),
         "drake:joint/parent": Words(("link",)),
         "drake:joint/child": Words(("link",)),

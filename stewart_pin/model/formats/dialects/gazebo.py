@@ -27,31 +27,38 @@ from stewart_pin.geometry.rotations import rotation_from_rpy
 from stewart_pin.model.description import Coupling, Joint, Link, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import AT_ZERO, Dialect, Parts, placement_at_zero, require_links
 from stewart_pin.model.formats.dialects.mimic import couple, take_mimic_plugins
+from stewart_pin.model.formats.dynamics import GAZEBO_SPRING
+from stewart_pin.model.formats.sdf.coordinates import read_axis_dynamics
 from stewart_pin.model.formats.sdf.couplings import Gearbox, is_gearbox, mesh
 from stewart_pin.model.formats.sdf.elements import SdfReader
 from stewart_pin.model.formats.sdf.joints import AXES, GEARBOX, KINDS, Axis, SdfJoint, read_lead
 from stewart_pin.model.formats.sdf.mechanism import read_link
 from stewart_pin.model.formats.sdf.tree import SAME_PLACE, SdfTree, close, hang
+from stewart_pin.model.formats.sdf.words import WORDS as SDF
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.words import Strange, Words
 from stewart_pin.typing import FloatArray
 
 _FAR = 1e16
 """SDFormat's number for no limit."""
-_NO_COORDINATE = "a joint that closes a loop has no coordinate"
 _AXIS = Words(
     (),
-    ("xyz", "limit", "use_parent_model_frame"),
-    {"dynamics": _NO_COORDINATE, "initial_position": _NO_COORDINATE},
+    ("xyz", "limit", "dynamics", "use_parent_model_frame"),
+    {"initial_position": "all joints are at zero as the file lays the links"},
 )
 _TEXT = Words(text=True)
+_DYNAMICS = SDF["axis/dynamics"]
 _SETTINGS = "simulator settings"
 _THREADS = ("thread_pitch", "screw_thread_pitch")
 _GEARS = ("gearbox_ratio", "gearbox_reference_body")
 _WORDS = {
     "robot/gazebo": Words(
-        ("reference",), ("joint", "link", "plugin"), strange=Strange.NOTED, told_by_reader=True
+        ("reference",),
+        ("joint", "link", "plugin", *GAZEBO_SPRING),
+        strange=Strange.NOTED,
+        told_by_reader=True,
     ),
+    **{f"gazebo/{tag}": Words(("value",), text=True) for tag in GAZEBO_SPRING},
     "gazebo/joint": Words(
         ("name", "type"),
         ("parent", "child", "pose", "axis", "axis2", *_THREADS, *_GEARS),
@@ -74,6 +81,8 @@ _WORDS = {
         for axis in ("axis", "axis2")
     },
     **{f"limit/{tag}": _TEXT for tag in ("lower", "upper", "velocity")},
+    **{f"joint/{axis}/dynamics": replace(_DYNAMICS, told_by_reader=True) for axis in ("axis", "axis2")},
+    **{f"dynamics/{tag}": _TEXT for tag in _DYNAMICS.tags},
 }
 
 
@@ -82,6 +91,7 @@ _NO_WEIGHT = "gravity is off for this link in Gazebo, and stays on here; load(gr
 
 def _read(reader: UrdfElements, element: etree._Element) -> Parts:
     """Read a ``<gazebo>``; the first one reads the links and joints of all, which belong together."""
+    _ = reader.gazebo_springs  # of joints of the URDF: taken out
     bodies = _take_bodies(reader)
     couplings = take_mimic_plugins(reader, element)
     if _floats(element):
@@ -216,6 +226,10 @@ def _read_joint(reader: UrdfElements, sdf: SdfReader, element: etree._Element) -
     for tag in needless:
         if element.find(tag) is not None:
             reader.note(owner, f"<{tag}>: a joint of type '{written}' has none")
+    axes = AXES.get(kind, ())
+    for tag in ("axis", "axis2"):
+        if tag not in axes and element.find(tag) is not None:
+            reader.note(owner, f"<{tag}>: a joint of type '{written}' has none")
     parent, child = (reader.content(reader.child(element, tag, owner), owner) for tag in ("parent", "child"))
     return SdfJoint(
         name,
@@ -225,7 +239,7 @@ def _read_joint(reader: UrdfElements, sdf: SdfReader, element: etree._Element) -
         child,
         pin.SE3.Identity(),
         _pose(reader, element, owner),
-        axes=tuple(_axis_and_limits(reader, element, tag, owner) for tag in AXES.get(kind, ())),
+        axes=tuple(_axis_and_limits(reader, sdf, element, tag, owner) for tag in axes),
         lead=read_lead(sdf, element, owner) if written == "screw" else 0.0,
     )
 
@@ -238,10 +252,13 @@ def _pose(reader: UrdfElements, element: etree._Element, owner: str) -> pin.SE3:
     return pin.SE3(rotation_from_rpy(*numbers[3:]), numbers[:3])
 
 
-def _axis_and_limits(reader: UrdfElements, joint: etree._Element, tag: str, owner: str) -> Axis:
-    """Read an axis and what its coordinate may do, which is zero where all joints are."""
-    axis = Axis(_axis(reader, joint, tag, owner))
-    limit = reader.optional(reader.child(joint, tag, owner), "limit", owner)
+def _axis_and_limits(
+    reader: UrdfElements, sdf: SdfReader, joint: etree._Element, tag: str, owner: str
+) -> Axis:
+    """Read an axis and what its coordinate may do and does by itself, which is zero where all joints are."""
+    element = reader.child(joint, tag, owner)
+    axis = Axis(_axis(reader, joint, tag, owner), physics=read_axis_dynamics(sdf, element, owner))
+    limit = reader.optional(element, "limit", owner)
     if limit is None:
         return axis
     lower, upper, velocity = (

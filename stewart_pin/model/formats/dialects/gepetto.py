@@ -35,8 +35,10 @@ from stewart_pin.model.formats.dialect import (
     side_car_text,
 )
 from stewart_pin.model.formats.dialects.mimic import write_mimics
+from stewart_pin.model.formats.dynamics import note_lost_physics, note_unheard
 from stewart_pin.model.formats.urdf_writer import save, tree_element
 from stewart_pin.model.formats.words import meant_word
+from stewart_pin.model.joint_physics import NO_PHYSICS
 from stewart_pin.model.roles import mark_motors
 from stewart_pin.model.unfolding import unfold_universal
 
@@ -138,11 +140,18 @@ class _SideCar:
         if old is None:
             raise self.error(f"'joint_name' names the missing joint '{name}'; correct the name", name)
         kinds = {"SPHERICAL": JointKind.SPHERICAL, "FIXED": JointKind.FIXED}
+        keeps = (
+            old.kind is not JointKind.PRISMATIC and written != "FIXED"
+        )  # numbers of a turn are those of its turns
+        physics = old.physics if keeps else NO_PHYSICS
         if written in kinds:
-            joints: tuple[Joint, ...] = (Joint(name, kinds[written], old.parent, old.child, old.placement),)
+            joints: tuple[Joint, ...] = (
+                Joint(name, kinds[written], old.parent, old.child, old.placement, physics=physics),
+            )
             links: tuple[Link, ...] = ()
         elif written in _UJOINTS:
             row = unfold_universal(name, old.parent, old.child, old.placement, *_UJOINTS[written])
+            row = row.doing((physics, physics))
             joints, links = row.joints, row.links
         else:
             known = ", ".join([*kinds, *_UJOINTS])
@@ -151,6 +160,10 @@ class _SideCar:
         notes = [
             Note(f"joint '{name}'", f"{old.kind} in the URDF, {written} in {self.path.name}", Outcome.CHANGED)
         ]
+        if old.physics and written != "SPHERICAL":
+            became = "of both of its turns alike" if physics else "left out"
+            text = f"its <dynamics> in the URDF, {old.physics}: {became}"
+            notes.append(Note(f"joint '{name}'", text, Outcome.KEPT if physics else Outcome.IGNORED))
         told = mechanism.home.get(name)
         if told is not None and not _fits(written, told):
             notes.append(Note(f"joint '{name}'", f"its home in the URDF: that of a {old.kind} joint"))
@@ -244,8 +257,10 @@ def write_gepetto(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
     }
     # JSON's lists and strings are YAML's, and quoted, so that names like "on" stay names.
     text = "".join(f"{key}: {json.dumps(value, ensure_ascii=False)}\n" for key, value in lists.items())
-    lost = note_lost_limits(mechanism, "gepetto")
-    return (*notes, *lost, *save(robot, mechanism, path, side_car={path.with_suffix(".yaml"): text}))
+    lost = (*note_lost_limits(mechanism, "gepetto"), *note_lost_physics(mechanism, "gepetto"))
+    unheard = note_unheard(mechanism, "Gepetto's software")
+    saved = save(robot, mechanism, path, side_car={path.with_suffix(".yaml"): text})
+    return (*notes, *lost, *unheard, *saved)
 
 
 def _with_frame(mechanism: Mechanism, name: str, link: str, placement: pin.SE3) -> Mechanism:

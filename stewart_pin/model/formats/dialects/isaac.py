@@ -24,7 +24,12 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import AXIS_FREE_LOOPS, JointKind, Loop, Mechanism, Note, Outcome
 from stewart_pin.model.formats.dialect import AT_ZERO, Dialect, Parts, note_lost_limits, relative_at_zero
 from stewart_pin.model.formats.dialects.mimic import write_mimics
-from stewart_pin.model.formats.urdf_core import read_bounds
+from stewart_pin.model.formats.dynamics import (
+    DYNAMICS,
+    note_lost_physics,
+    note_unheard,
+)
+from stewart_pin.model.formats.urdf_core import read_bounds, read_loop_dynamics
 from stewart_pin.model.formats.urdf_elements import LIMITS, UrdfElements
 from stewart_pin.model.formats.urdf_writer import pose_attributes, save, tree_element
 from stewart_pin.model.formats.words import Words
@@ -49,7 +54,7 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
     kind = _TYPES[written]
     if element.find("parent") is not None or element.find("child") is not None:
         return _read_points(reader, element, Loop(name, kind, "", "", pin.SE3.Identity(), pin.SE3.Identity()))
-    reader.only(element, owner, ("name", "type"), ("link1", "link2", "axis", "limit"))
+    reader.only(element, owner, ("name", "type"), ("link1", "link2", "axis", "limit", "dynamics"))
     # Isaac's documentation prints <link1> twice; the order of the file tells them apart.
     ends = [end for end in element.iterchildren(etree.Element) if shown_tag(end) in ("link1", "link2")]
     if len(ends) != 2 or shown_tag(ends[0]) == "link2":
@@ -63,12 +68,13 @@ def _read(reader: UrdfElements, element: etree._Element) -> Parts:
         reader.pose(ends[1], owner),
         reader.axis(element, owner, "axis", "0 0 1" if kind in AXIS_FREE_LOOPS else ""),
     )
-    return Parts(loops=(replace(loop, bounds=read_bounds(reader, element, owner, kind)),))
+    bounds, physics = (read(reader, element, owner, kind) for read in (read_bounds, read_loop_dynamics))
+    return Parts(loops=(replace(loop, bounds=bounds, physics=physics),))
 
 
 def _read_points(reader: UrdfElements, element: etree._Element, loop: Loop) -> Parts:
     owner = f"loop_joint '{loop.name}'"
-    known = ("parent", "child", "parent_origin", "child_origin", "axis", "limit")
+    known = ("parent", "child", "parent_origin", "child_origin", "axis", "limit", "dynamics")
     reader.only(element, owner, ("name", "type"), known)
     link1, link2 = reader.ends(element, owner)
     origins = [reader.child(element, tag, owner) for tag in ("parent_origin", "child_origin")]
@@ -80,6 +86,7 @@ def _read_points(reader: UrdfElements, element: etree._Element, loop: Loop) -> P
     loop = replace(
         loop, link1=link1, link2=link2, placement1=placement1, placement2=placement2,
         axis=placement1.rotation.T @ direction, bounds=read_bounds(reader, element, owner, loop.kind),
+        physics=read_loop_dynamics(reader, element, owner, loop.kind),
     )  # fmt: skip
     if loop.kind is JointKind.SPHERICAL or origins[1].get("rpy") is not None:
         return Parts(loops=(loop,))
@@ -127,14 +134,14 @@ def write_isaac(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:
             ("link2", loop.link2, loop.placement2),
         ):
             etree.SubElement(element, tag, {"link": link, **pose_attributes(placement)})
-    lost = note_lost_limits(mechanism, "isaac", balls=())
-    return (*notes, *lost, *save(robot, mechanism, path))
+    lost = (*note_lost_limits(mechanism, "isaac", balls=()), *note_lost_physics(mechanism, "isaac"))
+    return (*notes, *lost, *note_unheard(mechanism, "Isaac Sim"), *save(robot, mechanism, path))
 
 
 _WORDS = {
     "robot/loop_joint": Words(
         ("name", "type"),
-        ("link1", "link2", "parent", "child", "parent_origin", "child_origin", "axis", "limit"),
+        ("link1", "link2", "parent", "child", "parent_origin", "child_origin", "axis", "limit", "dynamics"),
     ),
     "loop_joint/link1": Words(("link", "xyz", "rpy")),
     "loop_joint/link2": Words(("link", "xyz", "rpy")),
@@ -144,6 +151,7 @@ _WORDS = {
     "loop_joint/child_origin": Words(("xyz", "rpy")),
     "loop_joint/axis": Words(("xyz", "frame")),
     "loop_joint/limit": Words(("coordinate", *LIMITS)),
+    "loop_joint/dynamics": Words(("coordinate", *DYNAMICS)),
 }
 
 DIALECT = Dialect("isaac", "Isaac <loop_joint>", {"robot/loop_joint": _read}, _WORDS, write=write_isaac)

@@ -22,6 +22,8 @@ from stewart_pin.model.description import (
 )
 from stewart_pin.model.formats.dialect import Dialect, Parts, add_parts, carrier
 from stewart_pin.model.formats.dialects.mimic import couple, has_mimic
+from stewart_pin.model.formats.dynamics import DYNAMICS
+from stewart_pin.model.formats.urdf_core import read_loop_dynamics
 from stewart_pin.model.formats.urdf_elements import UrdfElements
 from stewart_pin.model.formats.words import Strange, Words, meant_word
 from stewart_pin.model.formats.xml import reason_to_ignore, shown_tag
@@ -139,15 +141,18 @@ def _read_constraint(reader: UrdfElements, element: etree._Element) -> Parts:
     axis = reader.axis(element, owner, "parent_axis", default)
     given = reader.optional(element, "child_axis", owner) is not None or kind is JointKind.UNIVERSAL
     axis2 = reader.axis(element, owner, "child_axis", default) if given else axis
+    physics = read_loop_dynamics(reader, element, owner, kind)
     if kind is JointKind.UNIVERSAL:
-        return Parts(loops=(Loop(name, kind, link1, link2, place1, place2, axis, axis2),))
+        loop = Loop(name, kind, link1, link2, place1, place2, axis, axis2, physics=physics)
+        return Parts(loops=(loop,))
     notes: tuple[Note, ...] = ()
     if kind not in AXIS_FREE_LOOPS and not np.array_equal(axis, axis2):
         place2 = place2 * pin.SE3(_least_rotation(axis, axis2), np.zeros(3))
         if kind is JointKind.PRISMATIC:
             text = "two axes do not say how the child is turned about them; the least rotation is taken"
             notes = (Note(f"loop '{name}'", text, Outcome.CHANGED),)
-    return Parts(loops=(Loop(name, kind, link1, link2, place1, place2, axis),), notes=notes)
+    loop = Loop(name, kind, link1, link2, place1, place2, axis, physics=physics)
+    return Parts(loops=(loop,), notes=notes)
 
 
 def _least_rotation(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -162,8 +167,10 @@ def _least_rotation(a: FloatArray, b: FloatArray) -> FloatArray:
 _ENDS = ("parent", "child")
 _CONSTRAINT = {
     "robot/constraint": Words(
-        ("name", "type"), tuple(f"{end}{part}" for end in _ENDS for part in ("", "_origin", "_axis"))
+        ("name", "type"),
+        (*(f"{end}{part}" for end in _ENDS for part in ("", "_origin", "_axis")), "dynamics"),
     ),
+    "constraint/dynamics": Words(("coordinate", *DYNAMICS)),
     **{f"constraint/{end}": Words(("link",)) for end in _ENDS},
     **{f"constraint/{end}_origin": Words(("xyz", "rpy")) for end in _ENDS},
     **{f"constraint/{end}_axis": Words(("xyz",)) for end in _ENDS},
@@ -197,15 +204,54 @@ _FOLLOWING = ("mimic", "multiplier", "offset")
 
 def _read_transmission(reader: UrdfElements, element: etree._Element) -> Parts:
     reason_to_ignore(reader, element, "the file")
-    notes = tuple(
-        Note(f"<{shown_tag(inner)}>", "rotor inertia and gear ratio are arguments of the simulation")
-        for inner in element.iter(etree.Element)
-        if shown_tag(inner) in _ROTOR
-    )
     joints = element.findall("joint")
+    rotors, notes = _rotors(reader, element, [joint.get("name") or "" for joint in joints])
     if joints and all(_is_passive(joint) for joint in joints):
-        return Parts(notes=(*notes, Note(reader.shown(element, "the file"), "passive joints, no motors")))
-    return Parts(motors=tuple(joint.get("name") or "" for joint in joints), notes=notes)
+        passive = Note(reader.shown(element, "the file"), "passive joints, no motors")
+        return Parts(notes=(*notes, passive), rotors=rotors)
+    return Parts(motors=tuple(joint.get("name") or "" for joint in joints), notes=notes, rotors=rotors)
+
+
+def _rotors(
+    reader: UrdfElements, element: etree._Element, joints: list[str]
+) -> tuple[tuple[tuple[str, float], ...], tuple[Note, ...]]:
+    """Read Drake's inertia of a rotor [kg or kg m²], which counts by the square of the gear ratio before it."""
+    shown = reader.shown(element, "the file")
+    found: list[float] = []
+    for actuator in element.findall("actuator"):
+        told = [reader.optional(actuator, tag, shown) for tag in _ROTOR]
+        if any(each is not None for each in told):
+            inertia, ratio = (
+                default if each is None else float(reader.numbers(each, "value", 1, shown)[0])
+                for each, default in zip(told, (0.0, 1.0), strict=True)
+            )
+            if inertia < 0:
+                raise reader.error(
+                    f"{shown}: <{_ROTOR[0]}> (line {actuator.sourceline}) is {inertia:g}; it must be zero or more",
+                    shown,
+                )
+            found.append(inertia * ratio**2)
+    if not any(found):
+        return (), ()
+    if len(found) > 1 or len(joints) != 1:
+        text = f"its rotors of {found} are left out: they belong to {len(joints)} joints"
+        return (), (Note(shown, text),)
+    if _has_no_effort(reader, joints[0]):
+        text = f"its rotor of {found[0]:g} is left out: Drake drives no joint whose <limit effort> is 0"
+        return (), (Note(shown, text),)
+    return ((joints[0], found[0]),), ()
+
+
+def _has_no_effort(reader: UrdfElements, joint: str) -> bool:
+    """Tell whether the effort of a joint is limited to zero."""
+    tags = ("joint", "drake:joint")
+    limits = [
+        limit
+        for each in reader.root.iterchildren(etree.Element)
+        if shown_tag(each) in tags and each.get("name") == joint
+        for limit in each.findall("limit")
+    ]
+    return any(reader.numbers(limit, "effort", 1, f"joint '{joint}'", "1")[0] == 0.0 for limit in limits)
 
 
 def _is_passive(joint: etree._Element) -> bool:
@@ -281,6 +327,7 @@ _ROS = Dialect(
         ),
         "transmission/joint": Words(("name",), ("hardwareInterface",), _INSIDE, strange=Strange.NOTED),
         "transmission/actuator": Words((), (*_ROTOR,), {"@name": "", **_INSIDE}, strange=Strange.NOTED),
+        **{f"actuator/{tag}": Words(("value",)) for tag in _ROTOR},
         "joint/hardwareInterface": Words(text=True, strange=Strange.NOTED),
         "ros2_control": Words(
             (),

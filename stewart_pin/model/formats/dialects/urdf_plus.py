@@ -3,7 +3,7 @@
 A loop has a ``<predecessor link>`` and a ``<successor link>``, each with its ``<origin>``, and an ``<axis>``.
 Besides the types of URDF+, all kinds of loops are read and written: a universal one has ``<axis2>``, a distance has a
 ``<length value>``. What its coordinates may do stands in ``<limit>`` as for a joint, of a kind with several in one for
-each ``coordinate``.
+each ``coordinate``. What it does by itself, damping and springs, stands in ``<dynamics>`` in the same way.
 
 A coupling has a ``<predecessor link>``, a ``<successor link>`` and a ``<ratio value>``: the positions of the joints
 from the nearest common ancestor of the two links to the successor sum up to the ratio times that of the predecessor.
@@ -36,7 +36,8 @@ from stewart_pin.model.description import (
     loop_coordinates,
 )
 from stewart_pin.model.formats.dialect import Dialect, Parts, upward
-from stewart_pin.model.formats.urdf_core import read_bounds
+from stewart_pin.model.formats.dynamics import DYNAMICS, write_loop_dynamics
+from stewart_pin.model.formats.urdf_core import read_bounds, read_loop_dynamics
 from stewart_pin.model.formats.urdf_elements import LIMITS, UrdfElements
 from stewart_pin.model.formats.urdf_writer import save, tree_element, write_bounds, write_origin
 from stewart_pin.model.formats.words import Words
@@ -52,7 +53,7 @@ def _read_loop(reader: UrdfElements, element: etree._Element) -> Parts:
         raise reader.error(f"{owner} has the type '{written}'; supported: {', '.join(LOOP_KINDS)}", owner)
     kind = JointKind(written)
     parts = {JointKind.UNIVERSAL: ("axis", "axis2"), JointKind.DISTANCE: ("length",)}.get(kind, ("axis",))
-    reader.only(element, owner, ("name", "type"), ("predecessor", "successor", "limit", *parts))
+    reader.only(element, owner, ("name", "type"), ("predecessor", "successor", "limit", "dynamics", *parts))
     ends = [reader.child(element, tag, owner) for tag in ("predecessor", "successor")]
     length = 0.0
     if kind is JointKind.DISTANCE:
@@ -71,6 +72,7 @@ def _read_loop(reader: UrdfElements, element: etree._Element) -> Parts:
         axis2=reader.axis(element, owner, "axis2", "0 1 0" if kind is not JointKind.UNIVERSAL else ""),
         length=length,
         bounds=read_bounds(reader, element, owner, kind),
+        physics=read_loop_dynamics(reader, element, owner, kind),
     )
     return Parts(loops=(loop,))
 
@@ -202,6 +204,7 @@ def _write_loop(robot: etree._Element, loop: Loop) -> None:
     own = loop_coordinates(loop.kind)
     for coordinate, bounds in zip(own, loop.bounds, strict=False):
         write_bounds(element, bounds, **({"coordinate": coordinate} if len(own) > 1 else {}))
+    write_loop_dynamics(element, loop.kind, loop.physics)
 
 
 DIALECT = Dialect(
@@ -210,12 +213,13 @@ DIALECT = Dialect(
     {"robot/loop": _read_loop, "robot/coupling": _read_coupling},
     {
         "robot/loop": Words(
-            ("name", "type"), ("predecessor", "successor", "axis", "axis2", "length", "limit")
+            ("name", "type"), ("predecessor", "successor", "axis", "axis2", "length", "limit", "dynamics")
         ),
         "loop/predecessor": Words(("link",), ("origin",)),
         "loop/successor": Words(("link",), ("origin",)),
         "loop/length": Words(("value",)),
         "loop/limit": Words(("coordinate", *LIMITS)),
+        "loop/dynamics": Words(("coordinate", *DYNAMICS)),
         "robot/coupling": Words(
             ("name", "type"),
             ("predecessor", "successor", "ratio", "follower", "leader", "polynomial", "also"),

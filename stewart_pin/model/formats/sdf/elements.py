@@ -38,17 +38,14 @@ _HARMLESS = {
     "self_collide": "collision settings",
     "allow_auto_disable": "simulator settings",
     "enable_wind": "simulator settings",
-    "velocity_decay": "friction and damping are arguments of the simulation",
-    "dynamics": "friction, damping and springs are arguments of the simulation",
+    "velocity_decay": "drag of whole links; a joint may have damping",
     "physics": "simulator settings",
     "gripper": "simulator settings",
     "initial_position": "the zero pose is that of the links",
     "drake:collision_filter_group": "collision settings",
     "drake:controller_gains": "controller settings",
-    "drake:damping": "friction, damping and springs are arguments of the simulation",
-    "drake:linear_spring_damper": "friction, damping and springs are arguments of the simulation",
-    "drake:rotor_inertia": "the inertia of a rotor is a link of its own here",
-    "drake:gear_ratio": "the inertia of a rotor is a link of its own here",
+    "drake:damping": "Drake reads it in its planar joint alone",
+    "drake:linear_spring_damper": "springs between two points of links; a joint may have one",
 }
 _BINDING_PLUGINS = ("mimic", "detachable", "attach", "gearbox", "constraint", "closed", "loop")
 
@@ -157,13 +154,17 @@ _ROUND_OFF = 1e-15
 #                                  floating link; of a joint that closes a loop, frame 2 in frame 1 [m, quaternion]
 # limit velocity, effort, ...      least and greatest value, where they are not opposite; also jerk
 # <limit coordinate>               the same, and position, of a coordinate for which SDFormat has no <limit>
+# dynamics stiffness, rest, force  the spring as a polynomial, its rest counted as <spring_reference> is, and a constant
+#                                  effort; armature: the rotor of what no motor drives
+# <dynamics coordinate>            all that a coordinate does for which SDFormat has no <axis>, by the fields of
+#                                  `JointPhysics`; of a floating link, its six coordinates alike
 # model platform                   name of the platform link
 # visual name, material name       names, where SDFormat wants others
 # ----------------------------------------------------------------------------------------------------
 
 OWN_PREFIX, OWN = "stewart_pin", "urn:stewart_pin"
 """Prefix and name of the namespace."""
-OWN_LIMIT = f"{OWN_PREFIX}:limit"
+OWN_LIMIT, OWN_DYNAMICS = f"{OWN_PREFIX}:limit", f"{OWN_PREFIX}:dynamics"
 SPANS = ("velocity", "acceleration", "effort", "jerk")
 """Limits that have a word of our own."""
 
@@ -239,7 +240,7 @@ class SdfReader(ElementReader):
             if tag not in known:
                 if tag not in _HARMLESS:
                     self.refuse_slip(tag, known, child, f"<{tag}> of <{shown_tag(element)}>", owner)
-                why = why_ignored(self, child, owner)
+                why = words.noted.get(tag) or why_ignored(self, child, owner)
                 self.note(
                     f"{owner}, line {child.sourceline}" if "unknown" in why else owner, f"<{tag}>: {why}"
                 )

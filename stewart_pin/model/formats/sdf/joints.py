@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 
 import numpy as np
@@ -12,10 +12,12 @@ from lxml import etree
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import Bounds, JointKind, Outcome, Span, loop_coordinates
+from stewart_pin.model.formats.sdf.coordinates import read_axis_dynamics, read_free_physics, read_rotor
 from stewart_pin.model.formats.sdf.elements import OWN_LIMIT, SPANS, SdfReader, direction, own
 from stewart_pin.model.formats.sdf.frames import MODEL, WORLD, Scope, coordinates_between, motion
-from stewart_pin.model.formats.sdf.words import WORDS
+from stewart_pin.model.formats.sdf.words import DRAKE_ROTOR, WORDS
 from stewart_pin.model.formats.xml import shown_tag
+from stewart_pin.model.joint_physics import NO_PHYSICS, JointPhysics
 from stewart_pin.typing import FloatArray
 
 # ----------------------------------------------------------------------------------------------------
@@ -65,6 +67,8 @@ class Axis:
         The axis that it follows, or None.
     spans
         Limits that are not opposite, and of the jerk, as (least, greatest); they come before the numbers above.
+    physics
+        What it does by itself, as the file counts.
     """
 
     direction: FloatArray
@@ -75,6 +79,7 @@ class Axis:
     acceleration: float = inf
     follow: Follow | None = None
     spans: Mapping[str, Span] = field(default_factory=dict)
+    physics: JointPhysics = NO_PHYSICS
 
 
 def read_axis(
@@ -108,8 +113,9 @@ def read_axis(
     axis = axis_direction(scope, element, placement, owner)
     limit = reader.optional(element, "limit", owner)
     follow = _follow(scope, joint, element, tag, owner)
+    physics = read_axis_dynamics(reader, element, owner)
     if limit is None:
-        return Axis(axis, follow=follow)
+        return Axis(axis, follow=follow, physics=physics)
     reader.note_strangers(limit, owner, WORDS["axis/limit"])
     lower, upper, effort, velocity, acceleration = (
         reader.bound(limit, key, owner)
@@ -129,6 +135,7 @@ def read_axis(
         acceleration=inf if acceleration is None or acceleration < 0 else acceleration,
         follow=follow,
         spans=reader.own_spans(limit, owner),
+        physics=physics,
     )
 
 
@@ -266,6 +273,8 @@ class SdfJoint:
         What it reads at rest, where that is not zero [m, rad, quaternion].
     own_bounds
         Limits that SDFormat has no word for, by coordinate.
+    own_physics
+        What coordinates do that have no axis in SDFormat.
     ball_axis
         (3,) axis from which the swing of a ball is counted, in the joint frame, dimensionless; None: z.
     """
@@ -284,6 +293,7 @@ class SdfJoint:
     is_driven: bool | None = None
     position: FloatArray | None = None
     own_bounds: Mapping[str, Bounds] = field(default_factory=dict)
+    own_physics: Mapping[str, JointPhysics] = field(default_factory=dict)
     ball_axis: FloatArray | None = None
 
     @property
@@ -349,7 +359,7 @@ def read_joint(scope: Scope, element: etree._Element) -> SdfJoint:
     tags = AXES.get(kind, ())
     reader.note_strangers(element, owner, WORDS["joint"])
     for tag in ("axis", "axis2"):
-        if tag not in tags and reader.children(element, tag):
+        if tag not in tags and reader.children(element, tag) and (tag, kind) != ("axis", JointKind.SPHERICAL):
             reader.note(owner, f"<{tag}>: a joint of type '{written}' has none")
     parent, child = ends(scope, element, owner)
     placement, in_child = joint_frame(scope, element, child, owner)
@@ -361,8 +371,14 @@ def read_joint(scope: Scope, element: etree._Element) -> SdfJoint:
         child=child,
         in_parent=link_pose(scope, parent).inverse() * placement,
         in_child=in_child,
-        axes=tuple(
-            read_axis(scope, element, tag, placement, owner, endless=written == "continuous") for tag in tags
+        axes=_with_rotor(
+            reader,
+            element,
+            [
+                read_axis(scope, element, tag, placement, owner, endless=written == "continuous")
+                for tag in tags
+            ],
+            owner,
         ),
         lead=read_lead(scope.reader, element, owner) if written == "screw" else 0.0,
         must_close=_must_close(scope, element, owner),
@@ -372,8 +388,27 @@ def read_joint(scope: Scope, element: etree._Element) -> SdfJoint:
         else reader.flag(element, own("independent")[0], owner, attribute=True),
         position=_position(scope, element, kind, owner),
         own_bounds=_own_bounds(scope, element, kind, owner),
+        own_physics=read_free_physics(reader, element, kind, owner, has_axes=bool(tags)),
         ball_axis=_ball_axis(scope, element, owner),
     )
+
+
+def _with_rotor(reader: SdfReader, element: etree._Element, axes: list[Axis], owner: str) -> tuple[Axis, ...]:
+    """Give an axis the rotor that Drake gives to it: that of the motor, which it has where an effort may be."""
+    armature = read_rotor(reader, element, owner)
+    if not armature:
+        return tuple(axes)
+    fault = ""
+    if len(axes) != 1:
+        fault = "Drake drives joints of one axis"
+    elif axes[0].effort == 0.0:
+        fault = "Drake drives no joint whose <effort> is 0"
+    if fault:
+        reader.note(owner, f"<{DRAKE_ROTOR[0]}>: its rotor of {armature:g} is left out, {fault}")
+        return tuple(axes)
+    if axes[0].physics.armature:
+        raise reader.error(f"{owner} has a stewart_pin:armature and a <{DRAKE_ROTOR[0]}>; keep one", owner)
+    return (replace(axes[0], physics=replace(axes[0].physics, armature=armature)),)
 
 
 def _ball_axis(scope: Scope, element: etree._Element, owner: str) -> FloatArray | None:

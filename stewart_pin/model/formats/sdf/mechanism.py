@@ -21,13 +21,23 @@ import pinocchio as pin
 from lxml import etree
 
 from stewart_pin.errors import FileFormatError, UnsupportedError
-from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism, Outcome
+from stewart_pin.model.description import (
+    Coupling,
+    Joint,
+    JointKind,
+    Link,
+    Loop,
+    Mechanism,
+    Outcome,
+    physics_coordinates,
+)
 from stewart_pin.model.formats.dialects.drake import (
     NO_JOINT,
     joint_of_bushing,
     told_of_bushing,
 )
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
+from stewart_pin.model.formats.sdf.coordinates import read_own_dynamics, read_planar_damping
 from stewart_pin.model.formats.sdf.couplings import is_gearbox, read_gearbox, read_mimics
 from stewart_pin.model.formats.sdf.elements import SdfReader, held_model, own
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope
@@ -36,6 +46,7 @@ from stewart_pin.model.formats.sdf.models import open_document
 from stewart_pin.model.formats.sdf.tree import Float, grow_tree
 from stewart_pin.model.formats.sdf.words import SHAPE_TAGS, WORDS
 from stewart_pin.model.formats.xml import INERTIA_ENTRIES, shown_tag
+from stewart_pin.model.joint_physics import NO_PHYSICS
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, fault_of_sizes
 from stewart_pin.model.validation import keep_odd_inertias
 
@@ -152,15 +163,16 @@ def _float(scope: Scope, element: etree._Element, link: str, pose: pin.SE3) -> F
     """Read the name of the joint by which a link floats, and where its frame stands in the world."""
     reader, owner = scope.reader, f"link '{link}'"
     values = reader.own_numbers(element, "position", owner)
-    if values is None and reader.own(element, "joint") is None:
+    physics = read_own_dynamics(reader, element, (), owner).get("", NO_PHYSICS)
+    if values is None and reader.own(element, "joint") is None and not physics:
         return None
     name = reader.own(element, "joint") or f"{link}_floating"
     if values is None:
-        return Float(name)
+        return Float(name, physics=physics)
     if len(values) != 7:
         raise reader.error(f"{owner}: stewart_pin:position must hold a point and a quaternion", owner)
     values[3:] = reader.unit_quaternion(values[3:], owner)
-    return Float(name, pose * pin.XYZQUATToSE3(values).inverse())
+    return Float(name, pose * pin.XYZQUATToSE3(values).inverse(), physics)
 
 
 def _with_own_names(mechanism: Mechanism, joints: list[SdfJoint]) -> Mechanism:
@@ -325,7 +337,11 @@ def _drake_joint(scope: Scope, element: etree._Element) -> SdfJoint:
     parent, child = ends(scope, plain, owner)
     reader.note(owner, "<drake:joint>: at zero, both link frames are one", Outcome.KEPT)
     one, normal = pin.SE3.Identity(), np.array([0.0, 0.0, 1.0])
-    return SdfJoint(name, written, JointKind.PLANAR, parent, child, one, one, (Axis(normal),))
+    damping = read_planar_damping(reader, element, owner)
+    physics = dict(zip(physics_coordinates(JointKind.PLANAR), damping, strict=True))
+    return SdfJoint(
+        name, written, JointKind.PLANAR, parent, child, one, one, (Axis(normal),), own_physics=physics
+    )
 
 
 def _ball_constraints(scope: Scope) -> list[Loop]:

@@ -26,10 +26,13 @@ from stewart_pin.model.description import (
     Outcome,
     Span,
     loop_coordinates,
+    physics_coordinates,
 )
 from stewart_pin.model.formats.precision import printed_precision
+from stewart_pin.model.formats.sdf.coordinates import counted_from
 from stewart_pin.model.formats.sdf.frames import WORLD, motion
 from stewart_pin.model.formats.sdf.joints import Axis, SdfJoint
+from stewart_pin.model.joint_physics import NO_PHYSICS, JointPhysics
 from stewart_pin.model.unfolding import (
     Unfolded,
     close_by_screw,
@@ -56,10 +59,13 @@ class Float:
         Its name.
     placement
         Its frame in the world.
+    physics
+        What its six coordinates do by themselves.
     """
 
     joint: str
     placement: pin.SE3 = field(default_factory=pin.SE3.Identity)
+    physics: JointPhysics = NO_PHYSICS
 
 
 @dataclass(eq=False)
@@ -195,7 +201,8 @@ def _ground(
         for link in floats:
             if link not in reached or (link in based and link not in fixed):
                 float_ = told.get(link, Float(f"{link}_floating"))
-                held.append(Joint(float_.joint, JointKind.FLOATING, WORLD, link, float_.placement))
+                made = Joint(float_.joint, JointKind.FLOATING, WORLD, link, float_.placement)
+                held.append(replace(made, physics=float_.physics))
                 reach(link)
         based = ()
     return held
@@ -218,6 +225,7 @@ def _cut(
             joint.child,
             joint.in_parent,
             independent=joint.name in needed or joint.name in screws or _leans(joint, source),
+            physics=JointPhysics(armature=_armature(joint)),
         )
         for joint in hanging
     }
@@ -240,6 +248,12 @@ def _cut(
             ) from None
     tree.notes += notes
     return {joint.name for joint in kept}
+
+
+def _armature(joint: SdfJoint) -> float:
+    """Largest rotor of its coordinates: none of a joint that closes a loop."""
+    every = [*(axis.physics for axis in joint.axes), *joint.own_physics.values()]
+    return max((physics.armature for physics in every), default=0.0)
 
 
 _LEANING = 4.0
@@ -294,15 +308,32 @@ def _with_axes(loop: Loop, joint: SdfJoint) -> Loop:
     readings = joint.readings
     match joint.axes:
         case [only]:
-            return replace(loop, axis=only.direction, bounds=_bounds(only, readings[0]))
+            if joint.kind is JointKind.PLANAR:
+                return replace(loop, axis=only.direction, physics=_without_axes(joint))
+            bounds, physics = _bounds(only, readings[0]), _physics(joint)
+            return replace(loop, axis=only.direction, bounds=bounds, physics=physics)
         case [first, second]:
             bounds = _bounds(first, readings[0]) + _bounds(second, readings[1])
             axis = joint.rest.rotation @ first.direction
-            return replace(loop, axis=axis, axis2=second.direction, bounds=bounds)
+            return replace(loop, axis=axis, axis2=second.direction, bounds=bounds, physics=_physics(joint))
     if joint.own_bounds:
         coordinates = loop_coordinates(joint.kind)
         loop = replace(loop, bounds=tuple(joint.own_bounds.get(key, Bounds()) for key in coordinates))
+    loop = replace(loop, physics=_without_axes(joint))
     return loop if joint.ball_axis is None else replace(loop, axis=joint.ball_axis)
+
+
+def _physics(joint: SdfJoint) -> tuple[JointPhysics, ...]:
+    """Gather what the axes of a joint that closes a loop do; their springs count from where the model is placed."""
+    each = zip(joint.axes, joint.readings, strict=True)
+    found = tuple(counted_from(axis.physics, float(reading)) for axis, reading in each)
+    return found if any(found) else ()
+
+
+def _without_axes(joint: SdfJoint) -> tuple[JointPhysics, ...]:
+    """Gather what the coordinates of a joint do that has no axes in SDFormat, or one that is none of them."""
+    found = tuple(joint.own_physics.get(key, NO_PHYSICS) for key in physics_coordinates(joint.kind))
+    return found if any(found) else ()
 
 
 def hang(tree: SdfTree, joint: SdfJoint, near: float, is_motor: bool) -> None:
@@ -357,7 +388,10 @@ def hang(tree: SdfTree, joint: SdfJoint, near: float, is_motor: bool) -> None:
         return
     if joint.kind is JointKind.UNIVERSAL:
         axes = [joint.rest.rotation @ axes[0], axes[1]]
-    _add_row(tree, _row(joint, child, placement, axes), joint, is_motor)
+    row = _row(joint, child, placement, axes)
+    if joint.kind is JointKind.PLANAR:
+        row = row.doing(_without_axes(joint))
+    _add_row(tree, row, joint, is_motor)
 
 
 def _add_row(tree: SdfTree, row: Unfolded, joint: SdfJoint, is_motor: bool) -> None:
@@ -407,7 +441,8 @@ def _limited(joint: Joint, axis: Axis, reading: float) -> Joint:
         **axis.spans,
     }
     even = {key: _even(value) for key, value in values.items()}
-    return replace(joint, lower=axis.lower + reading, upper=axis.upper + reading, **even)
+    physics = counted_from(axis.physics, float(reading))
+    return replace(joint, lower=axis.lower + reading, upper=axis.upper + reading, physics=physics, **even)
 
 
 def _even(value: float | Span) -> float | Span:
@@ -418,4 +453,5 @@ def _even(value: float | Span) -> float | Span:
 def _ball(made: Joint, joint: SdfJoint) -> Joint:
     swing, turn = (joint.own_bounds.get(key, Bounds()).position[1] for key in loop_coordinates(joint.kind))
     axis = made.axis if joint.ball_axis is None else joint.ball_axis
-    return replace(made, swing=swing, turn=turn, axis=axis)
+    physics = joint.own_physics.get("turn", NO_PHYSICS)
+    return replace(made, swing=swing, turn=turn, axis=axis, physics=physics)

@@ -39,15 +39,25 @@ from stewart_pin.model.description import (
     unknown_kind,
 )
 from stewart_pin.model.formats.dialect import write_files
-from stewart_pin.model.formats.sdf.elements import OWN, OWN_LIMIT, OWN_PREFIX, SPANS, own
+from stewart_pin.model.formats.sdf.coordinates import (
+    DRAKE,
+    counted_from,
+    set_own,
+    write_axis_dynamics,
+    write_limit,
+    write_own_dynamics,
+    write_own_limit,
+    write_rotor,
+)
+from stewart_pin.model.formats.sdf.elements import OWN, OWN_PREFIX
 from stewart_pin.model.formats.sdf.frames import WORLD, coordinates_between, motion
 from stewart_pin.model.formats.xml import INERTIA_ENTRIES, number_text
+from stewart_pin.model.joint_physics import NO_PHYSICS, JointPhysics
 from stewart_pin.model.shapes import Material, Shape, ShapeKind, path_from
 from stewart_pin.model.unfolding import fixed_to, unfold_screw
 from stewart_pin.typing import FloatArray
 
 _VERSION = "1.11"
-_DRAKE = "drake.mit.edu"
 _TYPES = {
     JointKind.FIXED: "fixed",
     JointKind.REVOLUTE: "revolute",
@@ -105,7 +115,9 @@ class _Placed:
     readings: tuple[float, ...] = ()
     parts: tuple[Joint, ...] = ()
     lead: float = 0.0
+    physics: tuple[JointPhysics, ...] = ()
     ball: tuple[Bounds, ...] = ()
+    ball_physics: JointPhysics = NO_PHYSICS
     ball_axis: FloatArray | None = None
     closes: bool = False
     cross: str = ""
@@ -143,7 +155,7 @@ def _rows(mechanism: Mechanism) -> dict[str, tuple[Joint, Joint, float]]:
             continue
         lead = 2 * np.pi * thread.polynomial[1] if len(thread.polynomial) == 2 else 0.0
         plain = (thread.joint1, thread.joint2) == (second.name, first.name) and not second.independent
-        free = second.bounds == Bounds()
+        free = second.bounds == Bounds() and not second.physics
         made = unfold_screw(first.name, first.parent, second.child, first.placement, first.axis, lead)
         if lead and plain and free and _is_same(made.joints, (first, second)):
             found[first.name] = first, second, lead
@@ -187,7 +199,9 @@ def _of_tree(joint: Joint, values: FloatArray) -> _Placed:
         (joint.bounds,) if has_axis else (),
         (float(values[0]),) if has_axis else (),
         (joint,),
+        physics=(joint.physics,) if has_axis else (),
         ball=ball if is_ball else (),
+        ball_physics=joint.physics if is_ball else NO_PHYSICS,
         ball_axis=joint.axis if is_ball else None,
     )
 
@@ -209,6 +223,7 @@ def _of_row(first: Joint, second: Joint, lead: float, home: Mapping[str, FloatAr
         tuple(float(value) for value in values[: len(parts)]),
         parts,
         lead,
+        physics=tuple(part.physics for part in parts),
         cross="" if lead or first.child == f"{name}_between_1" else first.child,
     )
 
@@ -228,7 +243,9 @@ def _of_loop(loop: Loop, at: Mapping[str, pin.SE3]) -> _Placed:
         axes,
         () if is_ball else loop.bounds or (Bounds(),) * len(readings),
         readings,
+        physics=() if is_ball else loop.physics or (NO_PHYSICS,) * len(readings),
         ball=loop.bounds if is_ball else (),
+        ball_physics=loop.physics[0] if is_ball and loop.physics else NO_PHYSICS,
         ball_axis=loop.axis if is_ball else None,
         closes=True,
     )
@@ -255,7 +272,7 @@ class _SdfWriter:
                 )
 
     def write(self) -> etree._Element:
-        root = etree.Element("sdf", {"version": _VERSION}, {OWN_PREFIX: OWN, "drake": _DRAKE})
+        root = etree.Element("sdf", {"version": _VERSION}, {OWN_PREFIX: OWN, "drake": DRAKE})
         holder = root
         gravity = self.mechanism.gravity
         if gravity not in (None, STANDARD_GRAVITY):
@@ -268,7 +285,7 @@ class _SdfWriter:
         links = {link.name: self.names.of_link(link.name) for link in self._written_links()}
         self.links = {**links, **({WORLD: WORLD} if self.mechanism.root == WORLD else {})}
         if self.mechanism.platform is not None:
-            _set_own(model, platform=self.links[self.mechanism.platform])
+            set_own(model, platform=self.links[self.mechanism.platform])
         self._links(model)
         self._joints(model)
         etree.cleanup_namespaces(root)
@@ -302,7 +319,7 @@ class _SdfWriter:
             )
             _write_pose(element, mount.placement)
             if mount.name != f"{self.links[name]}_frame":
-                _set_own(element, joint=mount.name)
+                set_own(element, joint=mount.name)
 
     def _note_world(self, world: Link) -> None:
         if world.inertia is not None or world.visuals or world.collisions:
@@ -313,7 +330,7 @@ class _SdfWriter:
     def _inertial(self, element: etree._Element, link: Link) -> None:
         inertia = link.inertia
         if inertia is None:
-            _set_own(element, body="false")
+            set_own(element, body="false")
             if link.name in self.still:
                 return  # what holds still needs no mass, and readers give it some
             text = "no body: written as one without mass, which some simulators refuse"
@@ -333,9 +350,11 @@ class _SdfWriter:
                 "SDFormat float in the world"
             )
         if joint.name != f"{joint.child}_floating":
-            _set_own(element, joint=joint.name)
+            set_own(element, joint=joint.name)
         if not np.array_equal(joint.placement.homogeneous, np.eye(4)):
-            _set_own(element, position=number_text(self.mechanism.home[joint.name]))
+            set_own(element, position=number_text(self.mechanism.home[joint.name]))
+        write_own_dynamics(element, joint.physics)
+        self._note_physics(joint.name, joint.physics, is_loop=False)
         etree.SubElement(element, "must_be_base_link").text = "true"
 
     def _joints(self, model: etree._Element) -> None:
@@ -371,41 +390,69 @@ class _SdfWriter:
         name = self.names.of_joint(joint.name)
         element = etree.SubElement(model, "joint", name=name, type=joint.written)
         if name != joint.name:
-            _set_own(element, name=joint.name)
+            set_own(element, name=joint.name)
         if joint.written == "universal":
             for k, part in enumerate(joint.parts, 1):
                 if part.name != f"{name}_{k}":
-                    _set_own(element, **{f"part{k}": part.name})
+                    set_own(element, **{f"part{k}": part.name})
             if joint.cross or (joint.parts and name != joint.name):
-                _set_own(element, between=joint.cross or f"{joint.name}_between_1")
+                set_own(element, between=joint.cross or f"{joint.name}_between_1")
         _write_pose(element, joint.in_child)
         etree.SubElement(element, "parent").text = self.links[joint.parent]
         etree.SubElement(element, "child").text = self.links[joint.child]
         if _moves(joint.position):
-            _set_own(element, position=number_text(joint.position))
+            set_own(element, position=number_text(joint.position))
         if any(part.has_axis for part in joint.parts):
-            _set_own(
-                element, independent="true" if any(part.independent for part in joint.parts) else "false"
-            )
+            set_own(element, independent="true" if any(part.independent for part in joint.parts) else "false")
         if joint.lead:
             etree.SubElement(element, "screw_thread_pitch").text = number_text([joint.lead])
-        written: dict[str, tuple[etree._Element, str]] = {}
-        for k, (axis, bounds, reading) in enumerate(
-            zip(joint.axes, joint.bounds, joint.readings, strict=True)
-        ):
-            inner = etree.SubElement(element, _AXES[k])
-            etree.SubElement(inner, "xyz").text = number_text(axis)
-            _write_limit(inner, bounds, reading, is_driven=bool(joint.parts) and joint.parts[k].independent)
-            if joint.parts:
-                written[joint.parts[k].name] = inner, _AXES[k]
+        written = self._axes(element, joint)
         for key, bounds in zip(loop_coordinates(JointKind.SPHERICAL), joint.ball, strict=bool(joint.ball)):
-            _write_own_limit(element, key, bounds)
+            write_own_limit(element, key, bounds)
         if joint.ball_axis is not None and not np.array_equal(joint.ball_axis, [0, 0, 1]):
-            _set_own(element, axis=number_text(joint.ball_axis))
+            set_own(element, axis=number_text(joint.ball_axis))
+        if joint.ball_physics:
+            self._ball_physics(element, joint)
         if joint.closes:
             engine = etree.SubElement(etree.SubElement(element, "physics"), "simbody")
             etree.SubElement(engine, "must_be_loop_joint").text = "true"
         return written
+
+    def _axes(self, element: etree._Element, joint: _Placed) -> dict[str, tuple[etree._Element, str]]:
+        """Write what the axes of a joint may do, and what they do by themselves."""
+        written: dict[str, tuple[etree._Element, str]] = {}
+        for k, (axis, bounds, reading, physics) in enumerate(
+            zip(joint.axes, joint.bounds, joint.readings, joint.physics, strict=True)
+        ):
+            inner = etree.SubElement(element, _AXES[k])
+            etree.SubElement(inner, "xyz").text = number_text(axis)
+            is_driven = bool(joint.parts) and joint.parts[k].independent
+            write_limit(inner, bounds, reading, is_driven=is_driven)
+            # Drake has a motor where an effort may be, and on joints of one axis.
+            if physics.armature and is_driven and bounds.effort[1] != 0.0 and len(joint.axes) == 1:
+                write_rotor(element, physics.armature)
+                physics = replace(physics, armature=0.0)
+            if not write_axis_dynamics(inner, counted_from(physics, -reading)):
+                name = joint.parts[k].name if joint.parts else joint.name
+                self._note_physics(name, physics, is_loop=joint.closes)
+            if joint.parts:
+                written[joint.parts[k].name] = inner, _AXES[k]
+        return written
+
+    def _ball_physics(self, element: etree._Element, joint: _Placed) -> None:
+        """Write the damping of a ball where Drake looks for it, and the rest in words of our own."""
+        if joint.ball_physics.damping:
+            write_axis_dynamics(
+                etree.SubElement(element, "axis"), JointPhysics(damping=joint.ball_physics.damping)
+            )
+        rest = replace(joint.ball_physics, damping=0.0)
+        write_own_dynamics(element, rest, "turn")
+        self._note_physics(joint.name, rest, is_loop=joint.closes)
+
+    def _note_physics(self, name: str, physics: JointPhysics, *, is_loop: bool) -> None:
+        if physics:
+            text = f"{physics}: partly in words of our own; others know damping, friction and linear springs of axes"
+            self.notes.append(Note(f"{'loop' if is_loop else 'joint'} '{name}'", text, Outcome.KEPT))
 
     def _coupling(self, coupling: Coupling, written: Mapping[str, tuple[etree._Element, str]]) -> None:
         offset, multiplier, *higher = (*coupling.polynomial, 0.0, 0.0)
@@ -426,7 +473,7 @@ class _SdfWriter:
         assert parent is not None
         element = etree.SubElement(axis, "mimic", joint=str(parent.get("name")), axis=which)
         if coupling.name != f"{coupling.joint1}_mimic":
-            _set_own(element, name=coupling.name)
+            set_own(element, name=coupling.name)
         at1, at2 = (float(self.mechanism.home[name][0]) for name in (coupling.joint1, coupling.joint2))
         rest = offset + multiplier * at2 - at1
         # At home the coupling holds, to the digits of its terms.
@@ -458,13 +505,14 @@ class _SdfWriter:
             else -loop.axis,
             axis2=-loop.axis if is_universal else loop.axis2,
             bounds=loop.bounds[::-1] if is_universal else loop.bounds,
+            physics=loop.physics[::-1] if is_universal else loop.physics,
         )
 
     def _shape(self, link: etree._Element, tag: str, shape: Shape, names: _Names, owner: Link) -> None:
         name = names.free(shape.name or tag, "shape")
         element = etree.SubElement(link, tag, name=name)
         if name != shape.name:
-            _set_own(element, name=shape.name)
+            set_own(element, name=shape.name)
         _write_pose(element, shape.placement)
         geometry = etree.SubElement(etree.SubElement(element, "geometry"), str(shape.kind))
         values: dict[str, tuple[float, ...]]
@@ -493,7 +541,7 @@ class _SdfWriter:
             return
         element = etree.SubElement(shape, "material")
         if material.name:
-            _set_own(element, name=material.name)
+            set_own(element, name=material.name)
         for word in ("ambient", "diffuse"):
             etree.SubElement(element, word).text = number_text(material.rgba)
 
@@ -579,41 +627,3 @@ def _write_pose(element: etree._Element, placement: pin.SE3) -> None:
     rpy = rpy_from_rotation(placement.rotation)
     if placement.translation.any() or rpy.any():
         etree.SubElement(element, "pose").text = number_text([*placement.translation, *rpy])
-
-
-def _set_own(element: etree._Element, **values: str) -> None:
-    for key, value in values.items():
-        element.set(own(key)[0], value)
-
-
-def _write_limit(axis: etree._Element, bounds: Bounds, reading: float, *, is_driven: bool) -> None:
-    """Write the limits of an axis; positions count from where it is at rest.
-
-    Simulators drive every axis that may have an effort, so that one without a motor is given none.
-    """
-    limit = etree.SubElement(axis, "limit")
-    for tag, end in zip(("lower", "upper"), bounds.position, strict=True):
-        etree.SubElement(limit, tag).text = _end_text(end - reading)
-    words = {"effort": "effort", "velocity": "velocity", "acceleration": f"{{{_DRAKE}}}acceleration"}
-    for key in SPANS:
-        least, most = getattr(bounds, key)
-        passive = key == "effort" and not is_driven
-        if passive:
-            etree.SubElement(limit, key).text = "0"
-        if key in words and least == -most and most >= 0.0 and not (passive and most):
-            if np.isfinite(most) and not passive:
-                etree.SubElement(limit, words[key]).text = number_text([most])
-        elif np.isfinite([least, most]).any() or passive:
-            _set_own(limit, **{key: f"{_end_text(least)} {_end_text(most)}"})
-
-
-def _write_own_limit(element: etree._Element, coordinate: str, bounds: Bounds) -> None:
-    spans = {key: getattr(bounds, key) for key in ("position", *SPANS)}
-    stated = {key: span for key, span in spans.items() if np.isfinite(span).any()}
-    if stated:
-        limit = etree.SubElement(element, f"{{{OWN}}}{OWN_LIMIT.partition(':')[2]}", coordinate=coordinate)
-        _set_own(limit, **{key: " ".join(map(_end_text, span)) for key, span in stated.items()})
-
-
-def _end_text(value: float) -> str:
-    return number_text([value]) if np.isfinite(value) else "inf" if value > 0 else "-inf"
