@@ -21,6 +21,7 @@ import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.model.description import LOOP_KINDS, Bounds, Coupling, JointKind, Link, Mechanism
+from stewart_pin.model.joint_physics import JointPhysics
 from stewart_pin.model.shapes import Shape, ShapeKind
 from stewart_pin.model.validation import keep_odd_inertias
 from tests.mechanisms import four_bar, gear_train, two_bodies
@@ -119,6 +120,31 @@ def swings(name: str) -> Callable[[stp.ClosedChain], Any]:
     return ask
 
 
+def does(name: str) -> Callable[[stp.ClosedChain], Any]:
+    """Ask what a joint does by itself: rotor, damping, friction, and the spring's pull in three positions."""
+
+    def ask(chain: stp.ClosedChain) -> list[list[float]]:
+        told = {joint.name: (joint.physics,) for joint in chain.described().joints}
+        told |= {loop.name: loop.physics for loop in chain.loops}
+        return [
+            [round(x, 9) + 0.0 for x in (own.armature, own.damping, own.friction, *pulls(own))]
+            for own in told[name]
+        ]
+
+    def pulls(own: JointPhysics) -> list[float]:
+        return [
+            float(np.polynomial.polynomial.polyval(x - own.rest, own.polynomial)) for x in (-1.0, 0.3, 2.0)
+        ]
+
+    return ask
+
+
+def effective(
+    name: str, kind: JointKind = JointKind.SPHERICAL, **physics: Any
+) -> Callable[[], stp.ClosedChain]:
+    return lambda: stp.with_joint_physics(four_bar(kind), {name: physics})
+
+
 BOX = (Shape(ShapeKind.BOX, (0.1, 0.2, 0.3)),)
 ODD = pin.Inertia(1.0, np.array([0.3, 0.0, 0.0]), np.diag([1.0, 1.0, 2.5]))
 LEANS = np.array([0.6, 0.0, 0.8])
@@ -166,6 +192,29 @@ THINGS = {
     "swing of a ball": Thing(lambda: ball(swing=1.0, axis=LEANS), swings("ball"), "'ball'"),
     "turn of a ball": Thing(lambda: ball(turn=3.0), limit("ball angle", "position"), "'ball'"),
     "limits of a loop": Thing(lambda: bar(loops=LIMITED), swings("pin"), "'pin'"),
+    "rotor": Thing(effective("crank_motor", armature=0.3), does("crank_motor"), CRANK),
+    "damping": Thing(effective("elbow", damping=0.7), does("elbow"), "joint 'elbow'"),
+    "dry friction": Thing(effective("elbow", friction=0.2), does("elbow"), "joint 'elbow'"),
+    "spring": Thing(effective("elbow", stiffness=3.0, rest=0.4), does("elbow"), "joint 'elbow'"),
+    "spring with preload": Thing(
+        effective("elbow", stiffness=3.0, rest=0.4, force=1.5), does("elbow"), "joint 'elbow'"
+    ),
+    "spring of higher degree": Thing(
+        effective("elbow", stiffness=(3.0, 0.5, 2.0, 0.0, 1.0), rest=0.4), does("elbow"), "joint 'elbow'"
+    ),
+    "constant force": Thing(effective("elbow", force=1.5), does("elbow"), "joint 'elbow'"),
+    "damping, friction, spring of a ball": Thing(
+        lambda: ball(physics=JointPhysics(damping=0.7, friction=0.2, stiffness=(3.0,))),
+        does("ball"),
+        "'ball'",
+    ),
+    "damping of a free body": Thing(
+        lambda: stp.with_joint_physics(ball(), {"float": {"damping": 0.7}}), does("float"), "'float'"
+    ),
+    "damping and spring of a loop": Thing(effective("pin", damping=0.7, stiffness=3.0), does("pin"), "'pin'"),
+    "friction and preload of a loop": Thing(
+        effective("pin", JointKind.REVOLUTE, friction=0.2, stiffness=3.0, force=1.5), does("pin"), "'pin'"
+    ),
     "platform": Thing(lambda: bar(platform="rocker"), lambda c: c.platform, "rocker"),
     "motors": Thing(lambda: stp.with_motors(four_bar(), ["elbow"]), lambda c: c.motors, "elbow"),
     "no motors": Thing(lambda: stp.with_motors(four_bar(), []), lambda c: c.motors, "motors"),
