@@ -26,7 +26,7 @@ from stewart_pin.state.loop_verbs import reactions_from_pinocchio, unknown_to_pi
 from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, given_efforts
 from stewart_pin.state.state import State, as_state, named_motion
 from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
-from stewart_pin.typing import ArrayLike, FloatArray, Tangent
+from stewart_pin.typing import ArrayLike, BoolArray, FloatArray, Tangent
 
 (_potrs,) = get_lapack_funcs(("potrs",), dtype=np.float64)
 
@@ -161,6 +161,8 @@ def _free_acceleration(state: State, inertia: FloatArray, push: FloatArray) -> T
 # so that either a coordinate stays, or f_i = -F_i sign of its acceleration (Gauss's principle; Moreau, 1966).
 # ----------------------------------------------------------------------------------------------------
 
+_AT_ONCE = 1e-9
+"""Acceleration of a coordinate at rest, relative to what friction and the rest make of it, below which it stays."""
 _HELD = 1e-6
 """Distance from the limit of friction, relative to it, from which on the solver means less than the limit."""
 
@@ -186,16 +188,54 @@ def resting_friction(state: State, a: Tangent) -> Tangent | None:
         If no friction is found, which does not happen but for numbers beyond any machine.
     """
     assert state.effects is not None
-    rub, chain = state.effects.rubbing, state.chain
+    rub = state.effects.rubbing
     still = ~rub.moving
     if not still.any():
         return None
-    rows, limits = rub.rows[still], rub.limits[still]
+    return friction_at_rest(state, a, still)[0] @ rub.rows[still]
+
+
+def friction_at_rest(
+    state: State, a: Tangent, still: BoolArray, share: float = 1.0
+) -> tuple[FloatArray, FloatArray]:
+    """Find what dry friction of some coordinates does, which are taken to be at rest.
+
+    Parameters
+    ----------
+    state
+        State with `Effects`.
+    a
+        (nv,) acceleration without it [m/s², rad/s²].
+    still
+        (k,) mask of the coordinates of `Rubbing`.
+    share
+        Part of the limits that it may reach, dimensionless.
+
+    Returns
+    -------
+    efforts : numpy.ndarray
+        (n,) of these coordinates [N or N m].
+    left : numpy.ndarray
+        (n,) accelerations that are left, zero where friction holds [m/s² or rad/s²].
+
+    Raises
+    ------
+    ConvergenceError
+        As `held_by`.
+    """
+    assert state.effects is not None
+    rub, chain = state.effects.rubbing, state.chain
+    rows, limits = rub.rows[still], share * rub.limits[still]
     free = state.motions.basis
     moments, axes = np.linalg.eigh(free.T @ state.inertia @ free)
     heavy = moments > NO_INERTIA * moments.max(initial=0.0)
     response = (rows * chain.tangent_scale) @ free @ (axes[:, heavy] / np.sqrt(moments[heavy]))
-    return held_by(response, rows @ a + rub.bias[still], limits) @ rows
+    pull = rows @ a + rub.bias[still]
+    efforts = held_by(response, pull, limits)
+    across = response @ response.T
+    left = pull + across @ efforts
+    # Round-off of what holds, and of what nothing pulls.
+    return efforts, np.where(np.abs(left) > _AT_ONCE * (np.abs(pull) + np.abs(across) @ limits), left, 0.0)
 
 
 def held_by(response: FloatArray, accelerations: FloatArray, limits: FloatArray) -> FloatArray:

@@ -10,8 +10,10 @@ import numpy as np
 
 from stewart_pin.errors import ConvergenceError, InputError, StewartPinError
 from stewart_pin.mechanics.inverse_dynamics import require_idle_inertia
+from stewart_pin.motion.simulation.friction import too_many
 from stewart_pin.motion.simulation.motors import MotorBank
-from stewart_pin.motion.simulation.plant import Plant
+from stewart_pin.motion.simulation.plant import JointForces, Plant
+from stewart_pin.motion.simulation.steppers import ACCOUNTS, Phase
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, asked_wrenches, outside_efforts
 from stewart_pin.state.state import State
@@ -24,8 +26,6 @@ Controller = Callable[[float, Configuration, Tangent], FloatArray]
 
 SimulationWrenches = Wrenches | Callable[[float, State], Wrenches | None]
 """{link: (6,)} from outside, or a function of the instant [s] and the state that returns them [N, N m]."""
-ACCOUNTS = 3
-"""Entries of x before the controller's own: work of the drives, heat, work of the wrenches from outside [J]."""
 
 
 class ControllerFailure(StewartPinError):
@@ -364,6 +364,11 @@ class Flow:
     def __init__(self, drive: Drive, bank: MotorBank, plant: Plant, push: Push) -> None:
         self._drive, self._bank, self._plant, self._push = drive, bank, plant, push
         self._motor_q, self._motor_v = plant.chain.motor_q_index, plant.chain.motor_index
+        self._joints: JointForces | None = None
+        self._given = np.zeros(plant.chain.nv)
+        if plant.friction is not None:
+            self._friction = plant.friction
+            self._rub_of_motors = plant.friction.shares(self._motor_v, bank.coulomb)
         self.forget()
 
     def forget(self) -> None:
@@ -384,7 +389,7 @@ class Flow:
         v
             (nv,) tangent velocity [m/s, rad/s].
         x
-            Work supplied, heat, work from outside [J], and the state of the controller [m s or rad s].
+            Accounts of energy [J], and the state of the controller [m s or rad s].
 
         Returns
         -------
@@ -409,7 +414,7 @@ class Flow:
         v
             (nv,) tangent velocity [m/s, rad/s].
         x
-            Work supplied, heat, work from outside [J], and the state of the controller [m s or rad s].
+            Accounts of energy [J], and the state of the controller [m s or rad s].
 
         Returns
         -------
@@ -430,7 +435,7 @@ class Flow:
         v
             (nv,) tangent velocity [m/s, rad/s].
         x
-            Work supplied, heat, work from outside [J], and the state of the controller [m s or rad s].
+            Accounts of energy [J], and the state of the controller [m s or rad s].
 
         Returns
         -------
@@ -450,17 +455,116 @@ class Flow:
             raise ConvergenceError("the velocity grows beyond all numbers", residual=math.inf)
         given, rate = self.delivered(t, q, v, x), v[self._motor_v]
         if self._rates is None:
-            loss, heat = self._bank.losses(q[self._motor_q], rate)
+            loss, viscous, stops = self._bank.losses(q[self._motor_q], rate)
             pushed = self._push.at(t, q, v, weightless=self._plant.weightless)
             self._outside, efforts = (None, None) if pushed is None else pushed
-            x_rate = np.empty(x.size)
             joints = self._plant.joint_forces(q, v)
-            if joints is not None:
-                heat += joints.damping
-            x_rate[:ACCOUNTS] = given @ rate, heat, 0.0 if efforts is None else efforts @ v
+            work = given @ rate, 0.0 if efforts is None else efforts @ v
+            x_rate = np.empty(x.size)
+            x_rate[:ACCOUNTS] = *work, *self._heat(joints, viscous), stops
             x_rate[ACCOUNTS:] = self._drive.state_rate(t, q, v, x[ACCOUNTS:])
-            self._rates = self._plant.acceleration(q, v, given + loss, efforts, joints), x_rate
+            a = self._plant.acceleration(q, v, given + loss, efforts, joints)
+            self._rates, self._joints = (a, x_rate), joints
+            self._given = np.zeros(v.size) if efforts is None else efforts.copy()
+            self._given[self._motor_v] += given + loss
         return self._rates
+
+    def _heat(self, joints: JointForces | None, viscous: float) -> tuple[float, float, float]:
+        """Heat of dampers, of dry friction, and of what the motors add to both [W]."""
+        if joints is None:
+            return 0.0, 0.0, viscous
+        by_motors = float(self._rub_of_motors @ joints.friction) if joints.friction.size else 0.0
+        return joints.damping, float(joints.friction.sum()) - by_motors, viscous + by_motors
+
+    # -- dry friction, as steppers ask for it ------------------------------------------------------------------------
+
+    def _balance(self, t: float, phase: Phase) -> tuple[State, Tangent, Tangent]:
+        """State, acceleration, and joint efforts of all but loops and what is stuck."""
+        a, _ = self.rates(t, phase.q, phase.v, phase.x)
+        joints = self._joints
+        assert joints is not None
+        return joints.state, a, self._given + joints.efforts
+
+    def margin(self, t: float, phase: Phase) -> float:
+        """Tell how far a state is from where something sticks or slips.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        phase
+            The state.
+
+        Returns
+        -------
+        float
+            As `Friction.margin`.
+        """
+        return self._friction.margin(*self._balance(t, phase))
+
+    def settle(self, t: float, phase: Phase, *, within: bool) -> Phase:
+        """Find anew what slips and what is stuck.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        phase
+            The state.
+        within
+            Whether a smooth stretch has ended here; else only if something has jumped.
+
+        Returns
+        -------
+        Phase
+            The same, what is stuck exactly at rest.
+        """
+        friction, plant, x = self._friction, self._plant, phase.x
+        if not within and friction.settled and not friction.unsettled(*self._balance(t, phase)):
+            return phase
+
+        def free(state: State) -> Tangent:
+            q, v = state.q, state.v
+            rate = v[self._motor_v]
+            given = self._bank.delivered(self._drive.effort(t, q, v, x[ACCOUNTS:]), rate)
+            pushed = self._push.at(t, q, v, weightless=plant.weightless)
+            efforts = None if pushed is None else pushed[1]
+            loss = self._bank.losses(q[self._motor_q], rate)[0]
+            return plant.acceleration(q, v, given + loss, efforts, held=False)
+
+        state = friction.settle(State(plant.chain, phase.q, phase.v), free, plant.project, within=within)
+        self.forget()
+        gap = float(np.abs(state.gap).max(initial=0.0))
+        return phase._replace(q=np.array(state.q), v=np.array(state.v), gap=gap)
+
+    def require_charted(self) -> None:
+        """Refuse what no chart can hold.
+
+        Raises
+        ------
+        UnsupportedError
+            As `Friction.require_charted`.
+        """
+        self._friction.require_charted()
+
+    def too_many(self, t: float, h: float, count: int) -> Exception:
+        """Say that friction changes without end.
+
+        Parameters
+        ----------
+        t
+            Time [s].
+        h
+            Step [s].
+        count
+            How often it did.
+
+        Returns
+        -------
+        ConvergenceError
+            To raise.
+        """
+        return too_many(self._friction.names, t, h, count)
 
     def outside(self, t: float, q: Configuration, v: Tangent, x: FloatArray) -> OutsideWrenches | None:
         """Tell what acts from outside.
@@ -474,7 +578,7 @@ class Flow:
         v
             (nv,) tangent velocity [m/s, rad/s].
         x
-            Work supplied, heat, work from outside [J], and the state of the controller [m s or rad s].
+            Accounts of energy [J], and the state of the controller [m s or rad s].
 
         Returns
         -------

@@ -8,7 +8,6 @@ import numpy as np
 
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_spread
-from stewart_pin.errors import InputError
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -27,10 +26,7 @@ class Motors(Brief):
     viscous
         Viscous friction [N s/m or N m s/rad].
     coulomb
-        Dry friction [N]. It is regularised: ``coulomb · tanh(rate / coulomb_rate)``, so at rest it creeps, and
-        an explicit step must stay below about 2.7 effective mass · coulomb_rate / coulomb.
-    coulomb_rate
-        Rate at which dry friction reaches three quarters of its value [m/s or rad/s].
+        Dry friction, which adds to that of the motors' joints [N].
     effort_limit
         Largest effort to both sides [N]; default: the file's limits, which may differ between the sides.
     rate_limit
@@ -44,7 +40,6 @@ class Motors(Brief):
     inertia: ArrayLike = 0.0
     viscous: ArrayLike = 0.0
     coulomb: ArrayLike = 0.0
-    coulomb_rate: ArrayLike = 0.01
     effort_limit: ArrayLike | None = None
     rate_limit: ArrayLike | None = None
     stop_stiffness: ArrayLike = 0.0
@@ -68,9 +63,8 @@ class MotorBank:
         stated = {name: values[name] is not None for name in ("effort_limit", "rate_limit")}
         values |= {name: np.inf for name, given in stated.items() if not given}
         self._spread = {name: as_spread(name, value, chain.nu) for name, value in values.items()}
-        if not (self._spread["coulomb_rate"] > 0).all():
-            raise InputError("coulomb_rate must be above zero: dry friction is regularised")
         self.inertia, self.viscous = self._spread["inertia"], self._spread["viscous"]
+        self.coulomb = self._spread["coulomb"]
         limits = chain.limits
         self.lower, self.upper = limits.bounds("position", index_v).T
         self.efforts, self.rates = limits.bounds("effort", index_v), limits.bounds("velocity", index_v)
@@ -80,7 +74,7 @@ class MotorBank:
             self.rates = self._spread["rate_limit"][:, None] * [-1.0, 1.0]
         self._least, self._most = self.efforts.T.copy()
         self._fades = motors.rate_limit is not None
-        self._rubs = bool(self._spread["viscous"].any() or self._spread["coulomb"].any())
+        self._rubs = bool(self.viscous.any())
         self._stops = bool(self._spread["stop_stiffness"].any() or self._spread["stop_damping"].any())
 
     def delivered(self, command: FloatArray, rate: FloatArray) -> FloatArray:
@@ -104,8 +98,8 @@ class MotorBank:
         fade = np.clip((1.0 - np.abs(rate) / self._spread["rate_limit"]) / _RAMP, 0.0, 1.0)
         return np.where(effort * rate > 0, effort * fade, effort)
 
-    def losses(self, position: FloatArray, rate: FloatArray) -> tuple[FloatArray | float, float]:
-        """Compute what friction and end stops do.
+    def losses(self, position: FloatArray, rate: FloatArray) -> tuple[FloatArray | float, float, float]:
+        """Compute what viscous friction and end stops do; dry friction is the joints'.
 
         Parameters
         ----------
@@ -118,20 +112,19 @@ class MotorBank:
         -------
         effort : numpy.ndarray
             (nu,) effort on the motor coordinates [N or N m].
-        power : float
+        viscous, stops : float
             What is turned into heat; the springs of the stops give back what they take [W].
         """
         effort: FloatArray | float = 0.0
-        power = 0.0
+        viscous = stops = 0.0
         if self._rubs:
-            p = self._spread
-            friction = p["viscous"] * rate + p["coulomb"] * np.tanh(rate / p["coulomb_rate"])
-            effort, power = -friction, float(friction @ rate)
+            effort = -self.viscous * rate
+            viscous = -float(effort @ rate)
         if self._stops:
             push, spring = self._stop_effort(position, rate)
             effort = effort + push
-            power += float((spring - push) @ rate)
-        return effort, power
+            stops = float((spring - push) @ rate)
+        return effort, viscous, stops
 
     def stored(self, position: FloatArray) -> float:
         """Compute the energy in the springs of the end stops.

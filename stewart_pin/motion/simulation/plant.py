@@ -14,6 +14,8 @@ from stewart_pin.errors import ClosureError, UnsupportedError
 from stewart_pin.kernels.choosing import SimulationKernels
 from stewart_pin.mechanics.forward_dynamics import forward_dynamics
 from stewart_pin.mechanics.inverse_dynamics import require_idle_inertia
+from stewart_pin.model.joint_physics import read_fields, write_fields
+from stewart_pin.motion.simulation.friction import Friction, FrictionMemory
 from stewart_pin.programs.arrays import SingleState
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.chain import ClosedChain
@@ -25,6 +27,8 @@ from stewart_pin.typing import Configuration, FloatArray, Tangent
 _factorise, _solve = get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)
 _MAX_STEPS = 20
 """Newton steps of one projection: with a sensible time step one or two are enough."""
+_DEPENDENT = 1e-9
+"""Singular value, relative to the largest, of rows that say the same: loops whose joints are stuck."""
 
 
 class PlantMemory(NamedTuple):
@@ -36,6 +40,8 @@ class PlantMemory(NamedTuple):
         (rank,) index of the loop rows that stand for all.
     kernel, projector, constrained, weightless
         Which ways are in use.
+    friction
+        What slips and what is stuck, or None.
     """
 
     rows: np.ndarray
@@ -43,6 +49,7 @@ class PlantMemory(NamedTuple):
     projector: bool
     constrained: bool
     weightless: bool
+    friction: FrictionMemory | None
 
 
 class JointForces(NamedTuple):
@@ -53,14 +60,17 @@ class JointForces(NamedTuple):
     state
         The state.
     efforts
-        (nv,) joint efforts [N, N m].
+        (nv,) joint efforts of springs, dampers, and friction of what slips [N, N m].
     damping
         What their dampers turn into heat [W].
+    friction
+        (k,) what each coordinate with dry friction does [W].
     """
 
     state: State
     efforts: Tangent
     damping: float
+    friction: FloatArray
 
 
 class Plant:
@@ -82,6 +92,13 @@ class Plant:
     kernels
         Acceleration and projection from compiled code, or None. They are used where they give what the careful ways
         give.
+    motor_friction
+        (nu,) added to the dry friction of the motors' joints; default: none [N or N m].
+
+    Attributes
+    ----------
+    friction
+        Coordinates with dry friction, or None.
     """
 
     def __init__(
@@ -91,18 +108,17 @@ class Plant:
         v: Tangent,
         motor_inertia: FloatArray,
         kernels: SimulationKernels | None = None,
+        motor_friction: FloatArray | None = None,
     ) -> None:
-        self.chain = _with_motor_inertia(chain, motor_inertia)
+        self.chain = _with_motors(chain, motor_inertia, motor_friction)
         self.model = self.chain.model
         self._data = pin.Data(self.model)
         self._scale, self._sizes = chain.tangent_scale, chain.row_sizes
         self._tau = np.zeros(chain.nv)
         effects = State(self.chain, q, v).effects
         self._acts = effects is not None
-        if effects is not None and effects.rubbing.limits.size:
-            raise UnsupportedError(
-                "simulate knows no dry friction of joints; set it to zero by with_joint_physics"
-            )
+        rubs = effects is not None and effects.rubbing.limits.size
+        self.friction = Friction(self.chain) if rubs else None
         self._bodies, self._rotors = _without_rotors(self.chain.mass_model)
         self.rows = np.arange(chain.nc)
         self._candidates = kernels
@@ -117,6 +133,7 @@ class Plant:
             self._projector is not None,
             self._constrained is not None,
             self._weightless,
+            None if self.friction is None else self.friction.memory,
         )
 
     def recall(self, memory: PlantMemory) -> None:
@@ -135,6 +152,8 @@ class Plant:
             self._make_constrained()
         elif not memory.constrained:
             self._constrained = None
+        if self.friction is not None and memory.friction is not None:
+            self.friction.recall(memory.friction)
 
     def _fits(self, q: Configuration, v: Tangent, expected: Tangent) -> bool:
         a = self.acceleration(q, v, np.zeros(self.chain.nu))
@@ -174,7 +193,7 @@ class Plant:
             self._leave_wrong_projector(q, v)
         if self._try_constraint_dynamics(q, v, expected):
             return
-        saddle = self._saddle(state)
+        saddle = self._saddle(state, state.J_c[self.rows])
         self._weightless = bool(np.linalg.matrix_rank(saddle, rtol=NO_INERTIA) < saddle.shape[0])
 
     def _try_constraint_dynamics(self, q: Configuration, v: Tangent, expected: Tangent) -> bool:
@@ -211,7 +230,10 @@ class Plant:
         v
             (nv,) tangent velocity that keeps them closed [m/s, rad/s].
         """
-        self.select_rows(State(self.chain, q, v))
+        state = State(self.chain, q, v)
+        self.select_rows(state)
+        if self.friction is not None:
+            self.friction.choose(state)
         if self._kernel is not None:
             kernel, self._kernel = self._kernel, None
             careful = self.acceleration(q, v, np.zeros(self.chain.nu))
@@ -239,7 +261,7 @@ class Plant:
         return self._weightless
 
     def joint_forces(self, q: Configuration, v: Tangent) -> JointForces | None:
-        """Compute what springs and dampers of joints do.
+        """Compute what springs, dampers, and dry friction of what slips do.
 
         Parameters
         ----------
@@ -260,7 +282,11 @@ class Plant:
         assert effects is not None
         if self._weightless:
             require_idle_inertia(state, effects.smooth)
-        return JointForces(state, effects.smooth, -float(effects.viscous @ v))
+        efforts, heat = effects.smooth, np.zeros(0)
+        if self.friction is not None:
+            slips, heat = self.friction.slipping(state)
+            efforts = efforts + slips
+        return JointForces(state, efforts, -float(effects.viscous @ v), heat)
 
     def acceleration(
         self,
@@ -269,6 +295,8 @@ class Plant:
         tau_motor: FloatArray,
         pushed: FloatArray | None = None,
         joints: JointForces | None = None,
+        *,
+        held: bool = True,
     ) -> Tangent:
         """Compute the acceleration under motor efforts.
 
@@ -284,6 +312,8 @@ class Plant:
             (nv,) joint efforts of wrenches from outside, which compiled code does not take; or None [N, N m].
         joints
             `joint_forces` of the state, if they are known.
+        held
+            Whether what is stuck stays so.
 
         Returns
         -------
@@ -307,14 +337,25 @@ class Plant:
         state = State(self.chain, q, v) if joints is None else joints.state
         if joints is not None:
             tau = tau + joints.efforts
-        saddle = self._saddle(state)
-        right = np.concatenate([tau - state.nle, -state.loop_bias[self.rows]])
+        stuck = self.friction if held and self.friction is not None and self.friction.stuck.any() else None
+        if stuck is not None and stuck.still:
+            return np.zeros(self.chain.nv)
+        rows, bias = state.J_c[self.rows], state.loop_bias[self.rows]
+        if stuck is not None:
+            kept, kept_bias = stuck.held(state)
+            rows, bias = np.vstack([rows, kept]), np.concatenate([bias, kept_bias])
+        saddle = self._saddle(state, rows)
+        right = np.concatenate([tau - state.nle, -bias])
         if self._weightless:
-            return np.linalg.lstsq(saddle, right, rcond=NO_INERTIA)[0][: self.chain.nv]
-        try:
-            return np.linalg.solve(saddle, right)[: self.chain.nv]
-        except np.linalg.LinAlgError:
-            return np.full(self.chain.nv, np.nan)
+            a = np.linalg.lstsq(saddle, right, rcond=NO_INERTIA)[0][: self.chain.nv]
+        else:
+            try:
+                a = np.linalg.solve(saddle, right)[: self.chain.nv]
+            except np.linalg.LinAlgError:
+                return np.full(self.chain.nv, np.nan)
+        if stuck is not None:
+            a[stuck.stuck_entries] = 0.0
+        return a
 
     def fastest(
         self, q: Configuration, v: Tangent, viscous: FloatArray
@@ -352,14 +393,59 @@ class Plant:
             found.append((max(0.0, float(values[-1])) ** power, str(chain.tangent_names[most])))
         return found[0], found[1]
 
-    def _saddle(self, state: State) -> FloatArray:
-        """Mass matrix and chosen loop rows: [[M, -Jᵀ], [J, 0]]."""
-        nv, rows = self.chain.nv, self.rows
-        saddle = np.zeros((nv + rows.size, nv + rows.size))
+    def _saddle(self, state: State, rows: FloatArray) -> FloatArray:
+        """Mass matrix and rows that the motion keeps: [[M, -Jᵀ], [J, 0]]."""
+        nv = self.chain.nv
+        saddle = np.zeros((nv + len(rows), nv + len(rows)))
         saddle[:nv, :nv] = state.M
-        jacobian = state.J_c[rows]
-        saddle[nv:, :nv], saddle[:nv, nv:] = jacobian, -jacobian.T
+        saddle[nv:, :nv], saddle[:nv, nv:] = rows, -rows.T
         return saddle
+
+    def kept(self, state: State) -> FloatArray:
+        """Give the rows that a motion keeps, of loops and of what is stuck.
+
+        Parameters
+        ----------
+        state
+            The state.
+
+        Returns
+        -------
+        numpy.ndarray
+            (n, nv) in natural units, dimensionless.
+        """
+        rows, stuck = state.rows[self.rows], self.friction
+        if stuck is None or not stuck.chosen.size:
+            return rows
+        return np.vstack([rows, stuck.held_rows(state)])
+
+    def astray(self, state: State, moved: FloatArray) -> FloatArray:
+        """Measure how far what is stuck has moved, one entry per row of `kept` after those of loops.
+
+        Parameters
+        ----------
+        state
+            The state.
+        moved
+            (nv,) displacement in natural units since it stuck, dimensionless.
+
+        Returns
+        -------
+        numpy.ndarray
+            (n,) dimensionless.
+        """
+        stuck = self.friction
+        if stuck is None or not stuck.chosen.size:
+            return np.zeros(0)
+        tree = stuck.chosen < len(stuck.entries)
+        away = stuck.astray(state)
+        away[tree] = moved[stuck.entries[stuck.chosen[tree]]]
+        return away
+
+    @property
+    def still(self) -> bool:
+        """Whether friction lets nothing move."""
+        return self.friction is not None and self.friction.still and bool(self.friction.stuck.any())
 
     def project(self, q: Configuration, v: Tangent) -> tuple[Configuration, Tangent, float]:
         """Close the loops by the shortest displacement, and make the velocity keep them closed.
@@ -387,6 +473,8 @@ class Plant:
         ClosureError
             If the loops do not close.
         """
+        if self.friction is not None and self.friction.stuck.any():
+            return self._project_stuck(self.friction, q, v)
         if self._projector is not None:
             closed_q, closed_v, gap = self._projector(q, v)
             if self._projector.status is StateStatus.OK:
@@ -410,13 +498,41 @@ class Plant:
             # A factorisation from before the step does as long as it wins a factor of ten.
             if count and not worst < before / 10:
                 spread = self._spread(state)
+        raise self._open(state)
+
+    def _open(self, state: State) -> ClosureError:
         row = int(np.argmax(np.abs(state.relative_gap))) if np.isfinite(state.gap).all() else 0
-        raise ClosureError(
+        return ClosureError(
             f"{self.chain.loop_table.names[row]} does not close: {abs(state.gap[row]):.3g} left",
             residual=float(np.abs(state.gap).max()),
             iterations=_MAX_STEPS,
             q=state.q,
         )
+
+    def _project_stuck(
+        self, friction: Friction, q: Configuration, v: Tangent
+    ) -> tuple[Configuration, Tangent, float]:
+        """Do the same while some joints are stuck: those of the tree to the bit."""
+        state = State(self.chain, q)
+        gap = float(np.abs(state.gap).max(initial=0.0))
+        if friction.still:
+            return q, np.zeros(self.chain.nv), gap
+        scale, fixed, before = self._scale, friction.stuck_entries, np.inf
+        for _ in range(_MAX_STEPS):
+            rows = self.kept(state)
+            rows[:, fixed] = 0.0
+            left = np.concatenate([state.relative_gap[self.rows], friction.astray(state)])
+            worst = float(np.abs(left).max(initial=0.0))
+            if worst <= CLOSED / 10 or (worst <= max(CLOSED, state.round_off) and worst > before / 10):
+                along = v / scale
+                along[fixed] = 0.0
+                along -= np.linalg.lstsq(rows, rows @ along, rcond=_DEPENDENT)[0]
+                along[fixed] = 0.0
+                return np.array(state.q), along * scale, float(np.abs(state.gap).max(initial=0.0))
+            step = np.linalg.lstsq(rows, -left, rcond=_DEPENDENT)[0] * scale
+            step[fixed] = 0.0
+            state, before = State(self.chain, pin.integrate(self.model, state.q, step)), worst
+        raise self._open(state)
 
     def _spread(self, state: State) -> Callable[[FloatArray], Tangent]:
         """Least-norm tangent of a loop residual in natural units, factorised at a state."""
@@ -468,14 +584,17 @@ def _without_rotors(model: pin.Model) -> tuple[pin.Model, FloatArray]:
     return bodies, rotors
 
 
-def _with_motor_inertia(chain: ClosedChain, inertia: FloatArray) -> ClosedChain:
-    """Add inertia to the motors' own coordinates, where Pinocchio keeps that of rotors."""
-    if not inertia.any():
+def _with_motors(chain: ClosedChain, inertia: FloatArray, friction: FloatArray | None) -> ClosedChain:
+    """Add inertia and dry friction to the motors' own coordinates, where Pinocchio keeps those of joints."""
+    rubs = friction is not None and friction.any()
+    if not (inertia.any() or rubs):
         return chain
     model = chain.model.copy()
-    armature = np.array(model.armature)
-    armature[chain.motor_index] += inertia
-    model.armature = armature
+    fields = read_fields(model)
+    fields["armature"][chain.motor_index] += inertia
+    if friction is not None:
+        fields["friction"][chain.motor_index] += friction
+    write_fields(model, fields)
     moved = replace(chain, model=model)
     moved.__dict__["generic"] = chain.generic  # ranks know nothing of masses
     return moved

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -75,8 +76,10 @@ class SimulationState(Brief):
         (nu,) efforts that a sampled controller holds [N or N m].
     sampled
         Step at which a sampled controller acted last, or -1.
-    supplied, dissipated, outside
-        Work of the motors, heat, and work of wrenches from outside, since the first start [J].
+    supplied, outside
+        Work of the motors, and of wrenches from outside, since the first start [J].
+    dissipated
+        (4,) heat of dampers, of dry friction, of the motors, and of end stops, since then [J].
     memory
         What the parts of the run remember; None: a state made by hand.
     """
@@ -90,14 +93,70 @@ class SimulationState(Brief):
     held: FloatArray
     sampled: int = -1
     supplied: float = 0.0
-    dissipated: float = 0.0
     outside: float = 0.0
+    dissipated: FloatArray = field(default_factory=lambda: np.zeros(4))
     memory: Memory | None = None
 
     @property
     def time(self) -> float:
         """Instant of the state [s]."""
         return self.origin + self.steps * self.dt
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EnergyAudit(Brief):
+    """Where the energy of a simulation is, came from and went, at each recorded instant.
+
+    Attributes
+    ----------
+    kinetic
+        (N,) energy of bodies and rotors [J].
+    potential
+        (N,) energy of the weight [J].
+    elastic
+        (N,) energy in springs and constant forces of the joints [J].
+    stops
+        (N,) energy in the springs of end stops [J].
+    supplied
+        (N,) work of the drives since the first start [J].
+    outside
+        (N,) work of the wrenches from outside [J].
+    by_damping
+        (N,) heat in dampers of joints [J].
+    by_friction
+        (N,) heat of dry friction of joints [J].
+    by_motors
+        (N,) heat of the viscous and dry friction that `Motors` add [J].
+    by_stops
+        (N,) heat in end stops [J].
+    """
+
+    kinetic: FloatArray
+    potential: FloatArray
+    elastic: FloatArray
+    stops: FloatArray
+    supplied: FloatArray
+    outside: FloatArray
+    by_damping: FloatArray
+    by_friction: FloatArray
+    by_motors: FloatArray
+    by_stops: FloatArray
+
+    @property
+    def stored(self) -> FloatArray:
+        """(N,) energy that there is [J]."""
+        return self.kinetic + self.potential + self.elastic + self.stops
+
+    @property
+    def dissipated(self) -> FloatArray:
+        """(N,) heat of all causes [J]."""
+        return self.by_damping + self.by_friction + self.by_motors + self.by_stops
+
+    @property
+    def unexplained(self) -> FloatArray:
+        """(N,) energy gained from nowhere since the first of these instants, by the steps and their projection [J]."""
+        balance = self.stored + self.dissipated - self.supplied - self.outside
+        return balance - balance[:1]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,15 +175,8 @@ class Simulation(Brief):
         (N, nu) efforts that the drives gave, limits included, friction not [N or N m].
     platform
         Measured motion of the platform frame at these instants, in the world; None where there is no platform.
-    energy
-        (N,) kinetic and potential energy, motor inertia and springs of end stops included [J].
-    supplied
-        (N,) work of the drives since the start [J].
-    dissipated
-        (N,) heat in friction and end stops since the start [J].
-    outside
-        (N,) work of the wrenches from outside since the start; `energy` is what it was at the start, plus `supplied`
-        and this, less `dissipated` [J].
+    audit
+        Energy by what holds it, work by what did it, heat by what made it.
     wrenches
         What acted from outside at these instants; None where nothing ever did.
     gap
@@ -150,10 +202,7 @@ class Simulation(Brief):
     v: FloatArray
     tau_motor: FloatArray
     platform: PlatformSamples | None
-    energy: FloatArray
-    supplied: FloatArray
-    dissipated: FloatArray
-    outside: FloatArray
+    audit: EnergyAudit
     wrenches: WrenchSamples | None
     gap: FloatArray
     largest_gap: float
@@ -166,6 +215,29 @@ class Simulation(Brief):
 
     def __len__(self) -> int:
         return self.time.size
+
+    @property
+    def energy(self) -> FloatArray:
+        """(N,) kinetic, potential and elastic energy, rotors and springs of end stops included [J]."""
+        return self.audit.stored
+
+    @property
+    def supplied(self) -> FloatArray:
+        """(N,) work of the drives since the start [J]."""
+        return self.audit.supplied
+
+    @property
+    def dissipated(self) -> FloatArray:
+        """(N,) heat in joints, motors and end stops since the start [J]."""
+        return self.audit.dissipated
+
+    @property
+    def outside(self) -> FloatArray:
+        """(N,) work of the wrenches from outside since the start [J].
+
+        `energy` is what it was at the start, plus `supplied` and this, less `dissipated`.
+        """
+        return self.audit.outside
 
     def check(self) -> tuple[Excess, ...]:
         """List the limits that did not hold at the recorded instants.
@@ -240,7 +312,7 @@ class Recorder:
         self._tau = np.empty((size, chain.nu))
         self._position, self._rotation = np.empty((size, 3)), np.empty((size, 3, 3))
         self._twist, self._acceleration = np.empty((size, 6)), np.empty((size, 6))
-        self._numbers = np.empty((size, 5))
+        self._numbers = np.empty((size, 11))
         self._outside: list[OutsideWrenches | None] = []
 
     def add(
@@ -251,7 +323,7 @@ class Recorder:
         a: Tangent,
         tau_motor: FloatArray,
         outside: OutsideWrenches | None,
-        numbers: tuple[float, float, float, float, float],
+        numbers: Sequence[float],
     ) -> None:
         """Record one instant.
 
@@ -270,7 +342,7 @@ class Recorder:
         outside
             Wrenches from outside, or None.
         numbers
-            Energy, supplied work, heat, work from outside [J], and gap [m].
+            What `EnergyAudit` has, in its order [J], and gap [m].
         """
         k, data = self._count, self._data
         # Without a platform the frame of the ground is looked at, and nothing is said of it.
@@ -324,17 +396,14 @@ class Recorder:
         samples = PlatformSamples(
             self._time[n], self._position[n], self._rotation[n], self._twist[n], self._acceleration[n]
         )
-        energy, supplied, dissipated, outside, gap = self._numbers[n].T
+        *accounts, gap = self._numbers[n].T
         return Simulation(
             time=self._time[n],
             q=self._q[n],
             v=self._v[n],
             tau_motor=self._tau[n],
             platform=None if self._chain.platform is None else samples,
-            energy=energy,
-            supplied=supplied,
-            dissipated=dissipated,
-            outside=outside,
+            audit=EnergyAudit(*accounts),
             wrenches=gathered_samples(self._outside),
             gap=gap,
             largest_gap=largest_gap,

@@ -12,7 +12,7 @@ import numpy as np
 from stewart_pin.checks import as_number, as_positive
 from stewart_pin.errors import ClosureError, ConvergenceError, InputError, SingularityError
 from stewart_pin.kernels.choosing import simulation_kernels
-from stewart_pin.motion.simulation.drive import ACCOUNTS, ControllerFailure, Drive, Flow, Push, WrenchFailure
+from stewart_pin.motion.simulation.drive import ControllerFailure, Drive, Flow, Push, WrenchFailure
 from stewart_pin.motion.simulation.events import SHARE, EnergyAccount, Event, LoopNearness, Watcher
 from stewart_pin.motion.simulation.motors import MotorBank, Motors
 from stewart_pin.motion.simulation.plant import Plant
@@ -23,7 +23,13 @@ from stewart_pin.motion.simulation.record import (
     SimulationInterrupted,
     SimulationState,
 )
-from stewart_pin.motion.simulation.steppers import ChartStepper, Phase, RungeKuttaStepper, ScipyMethod
+from stewart_pin.motion.simulation.steppers import (
+    ACCOUNTS,
+    ChartStepper,
+    Phase,
+    RungeKuttaStepper,
+    ScipyMethod,
+)
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State
 from stewart_pin.tolerances import WHOLE_STEPS
@@ -121,7 +127,7 @@ class Run:
         self.bank = MotorBank(chain, motors)
         # Four calls a step of the fixed method; SciPy's own number is not known beforehand.
         kernels = simulation_kernels(chain, 4 * count, options.kernels)
-        self.plant = Plant(chain, start.q, start.v, self.bank.inertia, kernels)
+        self.plant = Plant(chain, start.q, start.v, self.bank.inertia, kernels, self.bank.coulomb)
         drive.hold(start.held)
         self.watcher = Watcher(chain, self.bank, options.singular)
         self.recorder = Recorder(chain, count // self.stride + 2)
@@ -130,18 +136,20 @@ class Run:
         memory = start.memory
         self.account = EnergyAccount(self.plant.weight_by_size, None if memory is None else memory.account)
         self.flow = Flow(drive, self.bank, self.plant, push)
+        sticking = None if self.plant.friction is None else self.flow
         if options.method == "fixed":
-            self.stepper = RungeKuttaStepper(self.plant, self.flow.rates, self._passed)
+            self.stepper = RungeKuttaStepper(self.plant, self.flow.rates, self._passed, sticking)
         else:
+            accuracy = options.rtol, options.atol
             self.stepper = ChartStepper(
-                self.plant, self.flow.rates, options.method, options.rtol, options.atol, self._passed
+                self.plant, self.flow.rates, options.method, *accuracy, self._passed, sticking
             )
         if memory is not None:
             self.plant.recall(memory.plant)
             self.watcher.memory, self.loops.memory = memory.watcher, memory.loops
             self.stepper.first_step, self.stepper.doubt = memory.first_step, memory.doubt
         q, v, gap = _closed(self.plant, start)
-        x = np.concatenate([[start.supplied, start.dissipated, start.outside], start.controller])
+        x = np.concatenate([[start.supplied, start.outside], start.dissipated, start.controller])
         self.here = Phase(q, v, x, gap), start.steps
         """What has been reached, and by how many steps: one attribute, so that an interrupt leaves both or neither."""
         self.largest_gap = gap
@@ -201,6 +209,9 @@ class Run:
             phase = phase._replace(x=x)
             self.here, self.sampled = (phase, k), k
             self.stepper.restart()
+        if self.plant.friction is not None:
+            phase = self.flow.settle(t, phase, within=False)
+            self.here = phase, k
         if (k - self.first) % self.stride == 0 or k == self.last:
             self.reason = self._record(t, phase, last=k == self.last)
             self.recorded = k
@@ -262,10 +273,12 @@ class Run:
         """Record an instant, and say what is wrong with its energy."""
         here = t, phase.q, phase.v, phase.x
         a, given = self.flow.rates(*here)[0], self.flow.delivered(*here)
-        kinetic, potential, elastic = self.plant.energy(phase.q, phase.v)
-        potential += elastic + self.bank.stored(phase.q[self.chain.motor_q_index])
-        supplied, heat, outside = phase.x[:ACCOUNTS]
-        numbers = (kinetic + potential, supplied, heat, outside, phase.gap)
+        kinetic, weight, elastic = self.plant.energy(phase.q, phase.v)
+        stops = self.bank.stored(phase.q[self.chain.motor_q_index])
+        potential = weight + elastic + stops
+        supplied, outside, *losses = phase.x[:ACCOUNTS]
+        heat = sum(losses)
+        numbers = (kinetic, weight, elastic, stops, supplied, outside, *losses, phase.gap)
         self.recorder.add(t, phase.q, phase.v, a, given, self.flow.outside(*here), numbers)
         error, scale = self.account.off(kinetic, potential, supplied, heat, outside, self.stepper.doubt, last)
         if not error:
@@ -326,8 +339,8 @@ class Run:
             held=self.drive.held,
             sampled=self.sampled,
             supplied=float(phase.x[0]),
-            dissipated=float(phase.x[1]),
-            outside=float(phase.x[2]),
+            outside=float(phase.x[1]),
+            dissipated=phase.x[2:ACCOUNTS],
             memory=memory,
         )
         return self.recorder.finish(

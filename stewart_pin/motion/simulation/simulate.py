@@ -63,6 +63,11 @@ def simulate(
     or lost may be 1 % of what the motion exchanged or held, and then the run ends. Ctrl-C reaches the caller, as a
     `SimulationInterrupted` with the part that ran.
 
+    Springs, dampers and dry friction of joints act. What dry friction holds stays where it is to the last bit; the
+    instants at which something sticks or slips are found within steps, which end there. Between two steps, or a
+    sixteenth of dt with a method of SciPy's, something may be pulled loose and held again unseen: dt has to resolve
+    what drives the motion.
+
     Parameters
     ----------
     chain
@@ -116,8 +121,10 @@ def simulate(
     Raises
     ------
     InputError
-        If an argument makes no sense, the state does not keep the loops closed, the controller returns no efforts, or
-        the function no wrenches.
+        If an argument makes no sense, the state does not keep the loops closed, the controller returns no efforts, the
+        function no wrenches, or fixed steps are too long for dampers or springs.
+    UnsupportedError
+        If dry friction of a ball or a floating joint sticks about some axes alone, with a method of SciPy's.
     SingularityError
         If nothing with inertia takes part in a motion, so that no acceleration is determined.
     SimulationInterrupted

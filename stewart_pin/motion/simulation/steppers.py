@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 import pinocchio as pin
@@ -11,9 +11,10 @@ from scipy import integrate
 from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.errors import ClosureError, InputError, SingularityError
+from stewart_pin.motion.simulation.friction import first_change
 from stewart_pin.motion.simulation.plant import Plant
 from stewart_pin.state.state import State
-from stewart_pin.tolerances import CLOSED
+from stewart_pin.tolerances import CLOSED, EPS
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 # ----------------------------------------------------------------------------------------------------
@@ -93,6 +94,11 @@ def displacement_jacobian(model: pin.Model, q: FloatArray, q_moved: FloatArray) 
 # ----------------------------------------------------------------------------------------------------
 
 
+ACCOUNTS = 6
+"""Entries of x before the controller's own: work of the drives, work of the wrenches from outside, and heat of dampers,
+of dry friction, of what the motors add to both, and of end stops [J]."""
+
+
 class Phase(NamedTuple):
     """What is integrated.
 
@@ -103,7 +109,7 @@ class Phase(NamedTuple):
     v
         (nv,) tangent velocity [m/s, rad/s].
     x
-        (m,) supplied work, heat, work from outside [J], and the controller's own state.
+        (m,) `ACCOUNTS` of energy [J], and the controller's own state.
     gap
         Largest entry of the loop gap [m].
     """
@@ -116,6 +122,32 @@ class Phase(NamedTuple):
 
 Rates = Callable[[float, Configuration, Tangent, FloatArray], tuple[Tangent, FloatArray]]
 """(t, q, v, x) to the acceleration (nv,) and the rate of x (m,)."""
+
+
+class Sticking(Protocol):
+    """What ends a smooth stretch of a motion with dry friction, and begins the next."""
+
+    def margin(self, t: float, phase: Phase) -> float:
+        """Tell how far a state is from the end of its stretch; below zero beyond it."""
+        ...
+
+    def settle(self, t: float, phase: Phase, *, within: bool) -> Phase:
+        """Begin another stretch."""
+        ...
+
+    def require_charted(self) -> None:
+        """Refuse what no chart can hold."""
+        ...
+
+    def too_many(self, t: float, h: float, count: int) -> Exception:
+        """Say that stretches have no length."""
+        ...
+
+
+_MOST_CHANGES = 200
+"""Times that friction may stick and slip within a step, before the motion is taken to be beyond it."""
+_LOOKS = 16
+"""Steps of an interval at least while something is stuck: it may be pulled loose and held again in between."""
 
 
 Passed = Callable[[float, float, Phase, Phase], None]
@@ -133,6 +165,8 @@ class RungeKuttaStepper:
         Right-hand side.
     passed
         Told of every step.
+    friction
+        Where there is dry friction; else None.
 
     Attributes
     ----------
@@ -142,8 +176,8 @@ class RungeKuttaStepper:
         None: steps are given.
     """
 
-    def __init__(self, plant: Plant, rates: Rates, passed: Passed) -> None:
-        self._plant, self._rates, self._passed = plant, rates, passed
+    def __init__(self, plant: Plant, rates: Rates, passed: Passed, friction: Sticking | None = None) -> None:
+        self._plant, self._rates, self._passed, self._friction = plant, rates, passed, friction
         self.doubt = 0.0
         self.first_step: float | None = None
         self._displacements = Displacements(plant.model)
@@ -173,6 +207,35 @@ class RungeKuttaStepper:
         ClosureError
             If the loops cannot be closed there.
         """
+        friction, left = self._friction, h
+        if friction is None:
+            return self._accept(t, h, phase, *self._stage(t, phase, h))
+        for _ in range(_MOST_CHANGES):
+            tried = self._stage(t, phase, left)
+            if not friction.margin(t + left, tried[0]) < 0.0:
+                return self._accept(t, left, phase, *tried)
+            # A shorter step to where something sticks or slips: each stretch is smooth.
+            start, since = phase, t
+            s, tried = first_change(
+                lambda s: self._stage(since, start, s),  # noqa: B023 - called here
+                lambda s, tried: friction.margin(since + s, tried[0]),  # noqa: B023
+                left,
+            )
+            if s:
+                phase = self._accept(t, s, phase, *tried)
+            t, left = t + s, left - s
+            phase = friction.settle(t, phase, within=True)
+            if not left > 4 * EPS * h:
+                return phase
+        raise friction.too_many(t, h, _MOST_CHANGES)
+
+    def _accept(self, t: float, h: float, phase: Phase, moved: Phase, doubt: float) -> Phase:
+        self.doubt += doubt
+        self._passed(t + h, h, phase, moved)
+        return moved
+
+    def _stage(self, t: float, phase: Phase, h: float) -> tuple[Phase, float]:
+        """Go a step, and estimate the error of its accounts."""
         model, rates, rate = self._plant.model, self._rates, self._displacements.rate
         q, v, x, _ = phase
         a1, x1 = rates(t, q, v, x)
@@ -191,12 +254,12 @@ class RungeKuttaStepper:
         q = pin.integrate(model, q, h / 6 * (v + 2 * (d2 + d3) + d4))
         v = v + h / 6 * (a1 + 2 * (a2 + a3) + a4)
         # Simpson's rule with four stages, against the trapezium with two of them.
-        self.doubt += h / 3 * float(np.abs(x2 + x3 - x1 - x4)[:3].sum())
+        doubt = h / 3 * float(np.abs(x2 + x3 - x1 - x4)[:ACCOUNTS].sum())
         x = x + h / 6 * (x1 + 2 * (x2 + x3) + x4)
+        if self._plant.still:
+            return Phase(phase.q, phase.v, x, phase.gap), doubt
         q, v, gap = self._plant.project(q, v)
-        moved = Phase(q, v, x, gap)
-        self._passed(t + h, h, phase, moved)
-        return moved
+        return Phase(q, v, x, gap), doubt
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -239,9 +302,9 @@ class _Chart:
         self._scale = plant.chain.tangent_scale
         self._sizes = plant.chain.row_sizes
         self._rows = plant.rows
-        jacobian = State(plant.chain, phase.q).rows[self._rows]
+        jacobian = plant.kept(State(plant.chain, phase.q))
         # As many motions as the mechanism has, whatever a singularity adds here.
-        self._motions = np.linalg.svd(jacobian)[2][self._rows.size :]  # Nᵀ
+        self._motions = np.linalg.svd(jacobian)[2][len(jacobian) :]  # Nᵀ
         self.size = self._motions.shape[0]
 
     def write(self, phase: Phase) -> FloatArray:
@@ -263,14 +326,17 @@ class _Chart:
             state = State(plant.chain, q)
             gap = state.gap
             moved = pin.difference(plant.model, self._base, q) / self._scale
-            left = np.concatenate([(gap / self._sizes)[self._rows], self._motions @ moved - y])
+            away = plant.astray(state, moved)
+            left = np.concatenate([(gap / self._sizes)[self._rows], away, self._motions @ moved - y])
             bent = displacement_jacobian(plant.model, self._base, q)
-            jacobian = state.rows[self._rows]
+            jacobian = plant.kept(state)
             matrix = np.vstack([jacobian, (self._motions / self._scale) @ bent * self._scale])
             if np.abs(left).max(initial=0.0) <= max(CLOSED, state.round_off):
                 along = np.vstack([jacobian, self._motions])
                 rest = np.zeros(jacobian.shape[0])
                 v = _solve(along, np.concatenate([rest, u])) * self._scale
+                if plant.friction is not None:
+                    q, v = plant.friction.keep(self._base, q, v)
                 self._guess = q
                 return Phase(q, v, coordinates[2 * n :], float(np.abs(gap).max(initial=0.0)))
             q = pin.integrate(plant.model, q, -_solve(matrix, left) * self._scale)
@@ -297,6 +363,8 @@ class ChartStepper:
         Error per step, relative and absolute, lengths in robot sizes.
     passed
         Told of every step.
+    friction
+        Where there is dry friction; else None.
 
     Attributes
     ----------
@@ -307,14 +375,21 @@ class ChartStepper:
     """
 
     def __init__(
-        self, plant: Plant, rates: Rates, method: str, rtol: float, atol: float, passed: Passed
+        self,
+        plant: Plant,
+        rates: Rates,
+        method: str,
+        rtol: float,
+        atol: float,
+        passed: Passed,
+        friction: Sticking | None = None,
     ) -> None:
         if method not in METHODS:
             raise InputError(f"method must be 'fixed' or one of {', '.join(METHODS)}, got {method!r}")
         self._plant, self._rates = plant, rates
         self._method = getattr(integrate, method)
         self._tolerances = {"rtol": rtol, "atol": atol}
-        self._passed = passed
+        self._passed, self._friction = passed, friction
         self.doubt = 0.0
         self.first_step: float | None = None
 
@@ -344,10 +419,11 @@ class ChartStepper:
             If the loops cannot be closed, or the integrator's step vanishes.
         """
         end = t + h
+        friction, changes = self._friction, 0
         creeping, longest, last = 0, 0.0, np.inf
         # The right-hand side may jump at the end of an interval, so the past is kept only within it.
         while t < end:
-            chart, solver = self._start(t, phase, end)
+            chart, solver = self._start(t, phase, end, h)
             while solver.status == "running" and np.abs(solver.y[: chart.size]).max(initial=0.0) < _REACH:
                 message = solver.step()
                 step = solver.step_size or 0.0
@@ -357,9 +433,23 @@ class ChartStepper:
                 if solver.status == "failed" or creeping > _MOST or shrunk:
                     raise self._stopped(solver.t, step, message, phase)
                 longest = max(longest, step)
-                before, phase = phase, chart.read(solver.y)
-                self._passed(solver.t, solver.t - t, before, phase)
-                t = solver.t
+                before, phase, ended, since = phase, chart.read(solver.y), solver.t, t
+                changed = friction is not None and friction.margin(ended, phase) < 0.0
+                if friction is not None and changed:
+                    dense, changes = solver.dense_output(), changes + 1
+                    s, phase = first_change(
+                        lambda s: chart.read(dense(since + s)),  # noqa: B023 - called here
+                        lambda s, there: friction.margin(since + s, there),  # noqa: B023
+                        ended - t,
+                    )
+                    ended = t + s
+                self._passed(ended, ended - t, before, phase)
+                t = ended
+                if friction is not None and changed:
+                    if changes > _MOST_CHANGES:
+                        raise friction.too_many(t, h, changes)
+                    phase = friction.settle(t, phase, within=True)
+                    break
             # The longest of the interval: what is left of it at its end may be round-off.
             self.first_step = longest or None
         return phase
@@ -376,7 +466,7 @@ class ChartStepper:
             q=phase.q,
         )
 
-    def _start(self, t: float, phase: Phase, end: float) -> tuple[_Chart, Any]:
+    def _start(self, t: float, phase: Phase, end: float, h: float) -> tuple[_Chart, Any]:
         plant = self._plant
         plant.select_rows(State(plant.chain, phase.q))
         chart = _Chart(plant, phase)
@@ -385,5 +475,11 @@ class ChartStepper:
             here = chart.read(coordinates)
             return chart.rate(here, *self._rates(time, here.q, here.v, here.x))
 
-        first = None if self.first_step is None else min(self.first_step, end - t)
-        return chart, self._method(rate, t, chart.write(phase), end, first_step=first, **self._tolerances)
+        limits: dict[str, Any] = dict(self._tolerances)
+        friction = plant.friction
+        if self._friction is not None and friction is not None and friction.stuck.any():
+            self._friction.require_charted()
+            limits["max_step"] = h / _LOOKS
+        longest = limits.get("max_step", np.inf)
+        first = None if self.first_step is None else min(self.first_step, end - t, longest)
+        return chart, self._method(rate, t, chart.write(phase), end, first_step=first, **limits)

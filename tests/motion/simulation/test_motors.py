@@ -22,7 +22,7 @@ def push(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def test_energy_account_with_friction_and_drive(rng: np.random.Generator) -> None:
     chain = robot("stewart")
     v = random_motion(chain, rng, chain.q_home)[0]
-    motors = stp.simulation.Motors(viscous=30.0, coulomb=10.0, coulomb_rate=0.1, inertia=2.0)
+    motors = stp.simulation.Motors(viscous=30.0, coulomb=10.0, inertia=2.0)
     left = []
     for dt in (4e-3, 2e-3):
         run = stp.simulate(chain, chain.q_home, v, push, duration=0.2, dt=dt, motors=motors)
