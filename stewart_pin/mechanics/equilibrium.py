@@ -109,15 +109,11 @@ def linearise(
     chain = state.chain
     needed = inverse_dynamics(state, wrenches=wrenches)
     tau = needed.tau_motor if tau_motor is None else as_array("tau_motor", tau_motor, (chain.nu,))
-    left = _without_hanging(state, forward_dynamics(state, tau_motor=tau, wrenches=wrenches).a)
-    left = left / chain.tangent_scale
-    if np.abs(left).max(initial=0.0) > _AT_REST * max(1.0, float(np.linalg.norm(chain.gravity))):
-        worst = int(np.argmax(np.abs(left)))
-        raise InputError(
-            f"q is no equilibrium under these efforts: '{chain.tangent_names[worst]}' accelerates with "
-            f"{left[worst]:.3g} robot sizes or radians per s²; leave tau_motor out, or choose a configuration at rest "
-            "(idle freedoms hang down)"
-        )
+    require_balance(
+        state,
+        forward_dynamics(state, tau_motor=tau, wrenches=wrenches).a,
+        "leave tau_motor out, or choose a configuration at rest (idle freedoms hang down)",
+    )
     motions, names = coordinate_motions(state)
     slopes = forward_dynamics_derivatives(state, tau_motor=tau, wrenches=wrenches)
     scale = chain.tangent_scale[:, None]
@@ -129,6 +125,33 @@ def linearise(
     A[n:, n:] = coordinates @ slopes.a_v @ motions
     B = np.vstack([np.zeros((n, chain.nu)), coordinates @ slopes.a_tau])
     return LinearSystem(A, B, motions, names, state.q, tau)
+
+
+def require_balance(state: State, a: FloatArray, remedy: str) -> None:
+    """Refuse a configuration that does not stay.
+
+    Parameters
+    ----------
+    state
+        State at rest.
+    a
+        (nv,) its acceleration [m/s², rad/s²].
+    remedy
+        What to do.
+
+    Raises
+    ------
+    InputError
+        If it accelerates by more than printed digits make it; names the joint.
+    """
+    chain = state.chain
+    left = _without_hanging(state, a) / chain.tangent_scale
+    if np.abs(left).max(initial=0.0) > _AT_REST * max(1.0, float(np.linalg.norm(chain.gravity))):
+        worst = int(np.argmax(np.abs(left)))
+        raise InputError(
+            f"q is no equilibrium under these efforts: '{chain.tangent_names[worst]}' accelerates with "
+            f"{left[worst]:.3g} robot sizes or radians per s²; {remedy}"
+        )
 
 
 def _without_hanging(state: State, a: FloatArray) -> FloatArray:

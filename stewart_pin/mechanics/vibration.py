@@ -30,7 +30,7 @@ from stewart_pin.building.joints import without_dry_friction
 from stewart_pin.checks import as_array, as_spread
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.mechanics.derivatives import force_derivatives
-from stewart_pin.mechanics.equilibrium import coordinate_motions
+from stewart_pin.mechanics.equilibrium import coordinate_motions, require_balance
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, outside_efforts
@@ -40,6 +40,12 @@ from stewart_pin.typing import ArrayLike, ComplexArray, FloatArray
 
 _NO_STIFFNESS = 1e-9
 """Stiffness of a weightless motion, relative to the largest, below which nothing holds it."""
+_NO_DAMPING = 1e-13
+"""Damping of a motion that nothing holds, relative to the largest, below which it is round-off."""
+_SLOW = 1e-5
+"""Share of the fastest pole below which a slow one has lost more than a third of its digits to it."""
+_HIGHEST = 1e100
+"""Frequency whose square still has a number [Hz]."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -127,7 +133,8 @@ def natural_frequencies(
     ActuationError
         If the motors cannot hold the robot.
     InputError
-        If the loops are open, a stiffness is negative, or wrenches have no potential, as a moment about fixed axes.
+        If the loops are open, q is no equilibrium, a stiffness is negative, or wrenches have no potential, as a moment
+        about fixed axes.
     SingularityError
         If a motion has stiffness but no inertia: its frequency is infinite.
 
@@ -170,15 +177,46 @@ def natural_frequencies(
 
 def _poles(squares: FloatArray, damping: FloatArray) -> ComplexArray:
     """Eigenvalues of z'' + damping z' + squares z = 0, one of each pair."""
-    n = len(squares)
-    system = np.zeros((2 * n, 2 * n))
-    system[:n, n:] = np.eye(n)
-    system[n:, :n], system[n:, n:] = -np.diag(squares), -damping
-    found: ComplexArray = np.linalg.eigvals(system).astype(complex)
-    # Round-off of a double pole at zero is the root of that of the system.
-    found[np.abs(found) < 1e-7 * np.abs(found).max(initial=0.0)] = 0.0
-    found = found[found.imag >= 0]
-    return found[np.lexsort((found.real, found.imag, np.abs(found)))]
+    if not damping.any():
+        roots = np.sqrt(np.abs(squares))
+        swinging, others = roots[squares > 0] * 1j, roots[squares <= 0]
+        return _slowest_first(np.concatenate([swinging, others, -others]) + 0.0)
+    # What nothing holds has a pole at zero, and another one if nothing damps it. These are told, not computed: beside
+    # fast poles, round-off does not tell them from slow ones.
+    held, free = squares != 0, squares == 0
+    rates, axes = np.linalg.eigh(damping[np.ix_(free, free)])
+    damped = np.abs(rates) > _NO_DAMPING * np.abs(damping).max()
+    turn = np.zeros((len(squares), np.count_nonzero(held) + np.count_nonzero(damped)))
+    count = np.count_nonzero(held)
+    turn[np.flatnonzero(held), np.arange(count)] = 1.0
+    turn[free, count:] = axes[:, damped]
+    zeros = np.zeros(2 * np.count_nonzero(free) - np.count_nonzero(damped))
+    # States: displacements of what is held, and all rates; this matrix is regular.
+    size = count + turn.shape[1]
+    system = np.zeros((size, size))
+    system[:count, count : 2 * count] = np.eye(count)
+    system[count : 2 * count, :count] = -np.diag(squares[held])
+    system[count:, count:] = -turn.T @ damping @ turn
+    return _slowest_first(np.concatenate([zeros, _eigenvalues(system)]))
+
+
+def _eigenvalues(system: FloatArray) -> ComplexArray:
+    """Eigenvalues of a regular matrix, the small ones to their own digits: they are the large ones of its inverse."""
+    fast = np.linalg.eigvals(system).astype(complex)
+    fast = fast[np.argsort(np.abs(fast))]
+    if not len(fast) or abs(fast[0]) > _SLOW * abs(fast[-1]):
+        return fast
+    slow = 1.0 / np.linalg.eigvals(np.linalg.inv(system)).astype(complex)
+    slow = slow[np.argsort(np.abs(slow))]
+    # Each from the end where it is exact; parted at the widest gap, which no pair straddles.
+    size = np.log(np.where(np.abs(fast) > _SLOW * abs(fast[-1]), np.abs(fast), np.abs(slow)))
+    split = int(np.argmax(np.diff(size))) + 1
+    return np.concatenate([slow[:split], fast[split:]])
+
+
+def _slowest_first(poles: ComplexArray) -> ComplexArray:
+    poles = poles[poles.imag >= 0]
+    return poles[np.lexsort((poles.real, poles.imag, np.abs(poles)))]
 
 
 def platform_stiffness(
@@ -209,21 +247,33 @@ def platform_stiffness(
     numpy.ndarray
         (6, 6) symmetric: force and moment at the platform origin per displacement and rotation, in world axes
         [N/m, N/rad, N m/m, N m/rad]. Of a platform with fewer freedoms it is singular: it takes displacements that
-        the platform can do, and gives of their wrench the least, lengths in robot sizes; the loops add what they like.
-        See `platform_compliance`, which has no such choice.
+        the platform can do, motors among themselves as their springs have it, and gives of their wrench the least,
+        lengths in robot sizes; the loops add what they like. See `platform_compliance`, which has no such choice.
 
     Raises
     ------
     ActuationError
         If the motors cannot hold the robot.
     InputError
-        If the loops are open, a stiffness is negative, or wrenches have no potential.
+        If the loops are open, q is no equilibrium, a stiffness is negative, or wrenches have no potential.
     """
     system = _elastic(_at_rest(as_state(chain, q)), motor_stiffness, 0.0, preload, wrenches)
-    twist, stiffness = system.platform_motions()
-    sizes = system.state.chain.twist_sizes
-    inverse = np.linalg.pinv(twist / sizes[:, None]) / sizes
-    return inverse.T @ stiffness @ inverse
+    chain, stiffness = system.state.chain, system.stiffness
+    u, s, vt = np.linalg.svd(system.twists / chain.twist_sizes[:, None], full_matrices=False)
+    n, count = len(stiffness), system.state.freedom.count.platform
+    # y = V^T ξ of a displacement that the platform can do, and of all ξ with this y the one that K prefers: K ξ = V μ.
+    reach = (u[:, :count] / s[:count]).T / chain.twist_sizes
+    # In units of its own each row has entries of one, however unlike the motors are.
+    units = np.sqrt(np.abs(np.diagonal(stiffness)))
+    units = np.where(units > 0, units, max(1.0, units.max(initial=0.0)))
+    rows = vt[:count] / units
+    sizes = np.linalg.norm(rows, axis=1, keepdims=True)
+    rows = rows / sizes
+    system_matrix = np.block([[stiffness / np.outer(units, units), rows.T], [rows, np.zeros((count, count))]])
+    right = np.vstack([np.zeros((n, count)), np.eye(count)])
+    own = -np.linalg.lstsq(system_matrix, right, rcond=1e-12)[0][n:] / (sizes * sizes.T)
+    own = (own + own.T) / 2
+    return reach.T @ own @ reach
 
 
 def platform_compliance(
@@ -260,7 +310,7 @@ def platform_compliance(
     ActuationError
         If the motors cannot hold the robot.
     InputError
-        If the loops are open, a stiffness is negative, or wrenches have no potential.
+        If the loops are open, q is no equilibrium, a stiffness is negative, or wrenches have no potential.
     SingularityError
         If nothing holds a motion of the platform: its compliance is infinite.
 
@@ -269,20 +319,15 @@ def platform_compliance(
     >>> import numpy as np, stewart_pin as stp
     >>> chain = stp.load("five_bar")
     >>> soft = stp.dynamics.platform_compliance(chain, chain.q_home, motor_stiffness=1e4)
-    >>> np.linalg.matrix_rank(soft)
+    >>> int(np.linalg.matrix_rank(soft))
     2
     """
     system = _elastic(_at_rest(as_state(chain, q)), motor_stiffness, 0.0, preload, wrenches)
-    twist, stiffness = system.platform_motions()
-    values, axes = np.linalg.eigh(stiffness)
-    loose = np.abs(values) <= _NO_STIFFNESS * np.abs(values).max(initial=0.0)
-    if loose.any():
-        raise SingularityError(
-            f"nothing holds {np.count_nonzero(loose)} motion(s) of the platform, so its compliance is infinite; give "
-            "every motor a stiffness above zero",
-            smallest_singular_value=float(np.abs(values).min()),
-        )
-    return twist @ ((axes / values) @ axes.T) @ twist.T
+    loose = (
+        "nothing holds a motion of the platform, so its compliance is infinite; give every motor a stiffness"
+    )
+    soft = system.twists @ _answer(system, 0.0, system.twists.T, loose).real
+    return (soft + soft.T) / 2
 
 
 def _at_rest(state: State) -> State:
@@ -304,15 +349,12 @@ class _Elastic:
     dampers: FloatArray
     outside: OutsideWrenches | None
 
-    def platform_motions(self) -> tuple[FloatArray, FloatArray]:
-        """(6, n) twist per coordinate that moves the platform, and their (n, n) stiffness, idle freedoms in balance."""
-        active = [k for k, name in enumerate(self.names) if not name.startswith("idle ")]
-        idle = [k for k in range(len(self.names)) if k not in active]
-        own = self.stiffness[np.ix_(active, active)]
-        if idle:
-            across = self.stiffness[np.ix_(active, idle)]
-            own = own - across @ np.linalg.pinv(self.stiffness[np.ix_(idle, idle)]) @ across.T
-        return self.state.P @ self.motions[:, active], own
+    @property
+    def twists(self) -> FloatArray:
+        """(6, n) twist of the platform per coordinate; idle freedoms leave it at rest, but for round-off."""
+        twists = self.state.P @ self.motions
+        twists[:, twists.shape[1] - self.state.freedom.idle.shape[1] :] = 0.0
+        return twists
 
 
 def _elastic(
@@ -330,6 +372,10 @@ def _elastic(
     )
     outside = as_wrenches(chain, wrenches)
     effort = inverse_dynamics(state, wrenches=wrenches)
+    if preload:
+        require_balance(
+            state, effort.a, "choose a configuration at rest (idle freedoms hang down), or pass preload=False"
+        )
     motions, names = coordinate_motions(state)
     force_q, force_v, inertia = force_derivatives(state, chain.rest, effort.lambda_c, outside)
     share = motions[chain.motor_index]
@@ -445,8 +491,8 @@ def frequency_response(
     ActuationError
         If the motors cannot hold the robot.
     InputError
-        If the loops are open, a stiffness or a frequency is negative, the source is unknown, or wrenches have no
-        potential.
+        If the loops are open, q is no equilibrium, a stiffness or a frequency is negative, the source is unknown, or
+        wrenches have no potential.
     SingularityError
         If a frequency is a natural one without damping.
 
@@ -463,18 +509,22 @@ def frequency_response(
     if source not in get_args(Source):
         raise InputError(f"source must be one of {', '.join(get_args(Source))}, got {source!r}")
     values = np.atleast_1d(as_array("frequency", frequency, np.shape(frequency)))
-    if values.ndim != 1 or not (values >= 0).all():
+    if values.ndim != 1 or not ((values >= 0) & (values <= _HIGHEST)).all():
         raise InputError(
-            f"frequency must hold frequencies of zero or more, one after the other, got {frequency!r}"
+            f"frequency must hold frequencies from 0 to {_HIGHEST:g} Hz, one after the other, got {frequency!r}"
         )
     system = _elastic(_at_rest(as_state(chain, q)), motor_stiffness, motor_damping, preload, wrenches)
     state, chain = system.state, system.state.chain
-    to_platform, share = state.P @ system.motions, system.motions[chain.motor_index]
+    share = system.motions[chain.motor_index]
     carried, felt, tilted = np.zeros((6, chain.nu)), np.zeros((1, 6)), np.zeros((1, 6))
     if source == "base":
         carried = pin.SE3(np.eye(3), state.pose.translation).toActionMatrixInverse()
         felt = _felt(system)
         tilted = _tilted(system) if preload else np.zeros_like(felt)
+    resonance = (
+        "at {:g} Hz a motion is in resonance without damping, or nothing holds it: its amplitude is infinite; give it "
+        "damping, or leave the frequency out"
+    )
     found = np.empty((len(values), *carried.shape), dtype=complex)
     for k, s in enumerate(2j * np.pi * values):
         match source:
@@ -484,12 +534,12 @@ def frequency_response(
                 push = share.T
             case _:
                 push = -(s * s * felt + tilted)
-        found[k] = carried + to_platform @ _answer(system, s, push, float(values[k]))
+        found[k] = carried + system.twists @ _answer(system, s, push, resonance.format(values[k]))
     inputs = _TWIST if source == "base" else chain.motors
     return FrequencyResponse(values, source, inputs, _TWIST, found)
 
 
-def _answer(system: _Elastic, s: complex, push: FloatArray | ComplexArray, frequency: float) -> ComplexArray:
+def _answer(system: _Elastic, s: complex, push: FloatArray | ComplexArray, trouble: str) -> ComplexArray:
     """Displacements under a push; motions that nothing holds and nothing pushes stay."""
     parts = system.stiffness, s * system.damping, s * s * system.mass
     # Coordinates in units in which each weighs one, so that a light idle rod counts beside a heavy platform.
@@ -499,11 +549,7 @@ def _answer(system: _Elastic, s: complex, push: FloatArray | ComplexArray, frequ
     lost = sizes <= _NO_STIFFNESS
     pushed = u.conj().T @ (push / units[:, None])
     if np.abs(pushed[lost]).max(initial=0.0) > _NO_STIFFNESS * np.abs(pushed).max(initial=0.0):
-        raise SingularityError(
-            f"at {frequency:g} Hz a motion is in resonance without damping, or nothing holds it: its amplitude is "
-            "infinite; give it damping, or leave the frequency out",
-            smallest_singular_value=float(sizes.min()),
-        )
+        raise SingularityError(trouble, smallest_singular_value=float(sizes.min()))
     answer = vt[~lost].conj().T @ (pushed[~lost] / sizes[~lost, None])
     return (answer / units[:, None]).astype(complex)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import partial
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -12,6 +15,8 @@ from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.model.description import Joint, JointKind, Link, Mechanism
 from tests.closed_states import random_configuration, robot
 from tests.mechanisms import Z, at
+from tests.small_urdf import MOTOR, ROD, joint, link
+from tests.small_urdf import robot as robot_text
 
 m, k, c = 3.0, 1200.0, 7.0
 
@@ -149,7 +154,71 @@ def test_what_has_no_answer_is_refused() -> None:
         ask(cart(), [0.0], frequency=[natural], source="base", motor_stiffness=k)
     with pytest.raises(InputError, match="source must be one of motor_position"):
         ask(cart(), [0.0], frequency=[1.0], source="floor", motor_stiffness=k)
-    with pytest.raises(InputError, match="frequency must hold"):
-        ask(cart(), [0.0], frequency=[-1.0], motor_stiffness=k)
-    with pytest.raises(SingularityError, match="nothing holds 1 motion"):
+    for wrong in (-1.0, 1e200):
+        with pytest.raises(InputError, match="frequency must hold"):
+            ask(cart(), [0.0], frequency=[wrong], motor_stiffness=k)
+    with pytest.raises(SingularityError, match="nothing holds a motion of the platform"):
         stp.dynamics.platform_compliance(cart(), [0.0], motor_stiffness=0.0)
+
+
+def row_of_slides(folder: Path, first: str = "near") -> stp.ClosedChain:
+    """Two masses in a row, each on a motor that slides along x; one of them alone leaves the platform a freedom."""
+    slide = partial(joint, kind="prismatic", axis='<axis xyz="1 0 0"/>', attributes=MOTOR)
+    file = folder / "row.urdf"
+    file.write_text(
+        robot_text(
+            *(link(name) for name in ("base", "mass", "platform")),
+            slide(first, "base", "mass"),
+            slide("far", "mass", "platform"),
+        )
+    )
+    return stp.load(file)
+
+
+@pytest.mark.parametrize("springs", [(500.0, 800.0), (1e9, 1e-3), (1e-9, 1e9)])
+@pytest.mark.parametrize("first", ["near", "idle 1"])
+def test_springs_in_a_row_share_what_moves_the_platform(
+    springs: tuple[float, float], first: str, tmp_path: Path
+) -> None:
+    chain = row_of_slides(tmp_path, first)
+    series = sum(1 / x for x in springs)
+    soft = stp.dynamics.platform_compliance(chain, chain.q_home, motor_stiffness=springs)
+    stiff = stp.dynamics.platform_stiffness(chain, chain.q_home, motor_stiffness=springs)
+    assert soft[0, 0] == pytest.approx(series, rel=1e-12)
+    assert stiff[0, 0] == pytest.approx(1 / series, rel=1e-12)
+    # A motor without stiffness gives way.
+    assert stp.dynamics.platform_stiffness(chain, chain.q_home, motor_stiffness=[0.0, 5.0])[0, 0] < 1e-12
+
+
+def test_slow_poles_keep_their_digits_beside_fast_ones(tmp_path: Path) -> None:
+    for damping in (1e2, 1e4, 1e6, 1e8):  # m = k = 1
+        slow = -2 / (damping + np.sqrt(damping**2 - 4))
+        found = stp.natural_frequencies(cart(), [0.0], motor_stiffness=m, motor_damping=damping * m)
+        np.testing.assert_allclose(found.poles, [slow, 1 / slow], rtol=1e-12)
+        np.testing.assert_allclose(found.damping_ratio, 1.0)
+    # Two masses of 1 kg, nothing holds them: their damper to the ground is slow, the one between them fast.
+    chain = row_of_slides(tmp_path)
+    found = stp.natural_frequencies(chain, chain.q_home, motor_stiffness=0.0, motor_damping=[1e-9, 1.0])
+    np.testing.assert_allclose(found.poles, [0, 0, -5e-10, -2], rtol=1e-6, atol=1e-16)
+    found = stp.natural_frequencies(chain, chain.q_home, motor_stiffness=[0.0, 1.0], motor_damping=[0.0, 0.1])
+    np.testing.assert_allclose(found.poles, [0, 0, -0.1 + 1j * np.sqrt(1.99)], atol=1e-12)
+
+
+def test_what_does_not_stay_has_no_vibrations(tmp_path: Path) -> None:
+    """A rod that hangs from a cart, held aside, falls back: nothing swings about there."""
+    file = tmp_path / "crane.urdf"
+    file.write_text(
+        robot_text(
+            *(link(name) for name in ("base", "platform")),
+            link("rod", ROD),
+            joint("slide", "base", "platform", "prismatic", axis='<axis xyz="1 0 0"/>', attributes=MOTOR),
+            joint("hinge", "platform", "rod", axis='<axis xyz="0 1 0"/>'),
+        )
+    )
+    chain = stp.load(file)
+    verbs = stp.natural_frequencies, stp.dynamics.platform_compliance, stp.dynamics.platform_stiffness
+    for verb in (*verbs, partial(stp.dynamics.frequency_response, frequency=[1.0])):
+        verb(chain, [0.0, np.pi / 2], motor_stiffness=1e3)
+        with pytest.raises(InputError, match="no equilibrium under these efforts: 'hinge' accelerates"):
+            verb(chain, [0.0, 1.0], motor_stiffness=1e3)
+        verb(chain, [0.0, 1.0], motor_stiffness=1e3, preload=False)
