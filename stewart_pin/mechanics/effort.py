@@ -36,8 +36,9 @@ class Effort(Brief):
     residual
         Largest part of the equation of motion that no motor and no reaction can supply [N or N m].
     band
-        (nu, 2) least and greatest efforts that dry friction of joints at rest allows, `tau_motor` in their middle; None
-        where no joint is held so [N or N m].
+        (nu, 2) least and greatest efforts that dry friction of joints at rest allows, each with the others where they
+        then have to be; `tau_motor` in their middle where friction has no idle freedoms to hold as well. None where no
+        joint is held so [N or N m].
     """
 
     tau_motor: FloatArray

@@ -13,7 +13,6 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
-import proxsuite
 from scipy.linalg import get_lapack_funcs
 
 from stewart_pin.checks import as_array
@@ -21,6 +20,7 @@ from stewart_pin.errors import ConvergenceError, InputError, SingularityError, U
 from stewart_pin.mechanics.effort import Motion
 from stewart_pin.mechanics.inverse_dynamics import least_reactions, require_idle_inertia
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.joint_effects import held_by
 from stewart_pin.state.loop_rows import Drive
 from stewart_pin.state.loop_verbs import reactions_from_pinocchio, unknown_to_pinocchio
 from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, given_efforts
@@ -103,7 +103,10 @@ def forward_dynamics(
         raise InputError(f"method must be 'projection' or 'constraint_dynamics', got {method!r}")
     motion = _accelerated(state, tau, method)
     held = None if state.effects is None else resting_friction(state, motion.a)
-    return motion if held is None else _accelerated(state, tau + held, method)
+    if held is None:
+        return motion
+    require_idle_inertia(state, held)
+    return _accelerated(state, tau + held, method)
 
 
 def _accelerated(state: State, tau: FloatArray, method: Method | None) -> Motion:
@@ -150,21 +153,8 @@ def _free_acceleration(state: State, inertia: FloatArray, push: FloatArray) -> T
     return free @ (kept @ ((kept.T @ (free.T @ push)) / moments[heavy])) if chain.nv else push
 
 
-# ----------------------------------------------------------------------------------------------------
-# Dry friction of joints at rest
-#
-# Of all accelerations that the loops allow, the one that is chosen has friction f do as much as it can against it: with
-# b the accelerations of the coordinates at rest without f, and W what a unit of each effort adds to them, f minimises
-#
-#     fᵀ W f / 2 + bᵀ f,   |f_i| ≤ F_i,
-#
-# so that either a coordinate stays, or f_i = -F_i sign of its acceleration (Gauss's principle; Moreau, 1966).
-# ----------------------------------------------------------------------------------------------------
-
 _AT_ONCE = 1e-9
 """Acceleration of a coordinate at rest, relative to what friction and the rest make of it, below which it stays."""
-_HELD = 1e-6
-"""Distance from the limit of friction, relative to it, from which on the solver means less than the limit."""
 
 
 def resting_friction(state: State, a: Tangent) -> Tangent | None:
@@ -236,62 +226,6 @@ def friction_at_rest(
     left = pull + across @ efforts
     # Round-off of what holds, and of what nothing pulls.
     return efforts, np.where(np.abs(left) > _AT_ONCE * (np.abs(pull) + np.abs(across) @ limits), left, 0.0)
-
-
-def held_by(response: FloatArray, accelerations: FloatArray, limits: FloatArray) -> FloatArray:
-    """Solve for the dry friction of coordinates at rest.
-
-    Parameters
-    ----------
-    response
-        (k, n) root of what a unit of each friction does: W is it times its transpose [1/kg^½ or 1/(kg^½ m)].
-    accelerations
-        (k,) accelerations of the coordinates without friction [m/s² or rad/s²].
-    limits
-        (k,) dry friction, above zero [N or N m].
-
-    Returns
-    -------
-    numpy.ndarray
-        (k,) efforts of friction; the least ones, in shares of their limits, where several do the same [N or N m].
-
-    Raises
-    ------
-    ConvergenceError
-        If the solver finds none.
-    """
-    root = limits[:, None] * response  # in shares of the limits
-    pull = limits * accelerations
-    size = float(np.abs(pull).max(initial=0.0)) or 1.0
-    W, b, count = root @ root.T / size, pull / size, len(limits)
-    W_size = float(np.abs(W).max(initial=0.0)) or 1.0
-    qp = proxsuite.proxqp.dense.QP(count, 0, 0, True)
-    qp.settings.eps_abs, qp.settings.max_iter = 1e-9, 10_000
-    none = np.zeros((0, count))
-    one = np.ones(count)
-    # In units of W, shares grow where friction is much stronger than what moves: the bounds go with them.
-    qp.init(W / W_size, b / W_size, none, np.zeros(0), none, np.zeros(0), np.zeros(0), -one, one)
-    qp.solve()
-    if qp.results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED:
-        raise ConvergenceError(
-            f"no dry friction of the joints at rest was found ({qp.results.info.status}); "
-            "are some frictions many orders of magnitude larger than others?",
-            residual=float(qp.results.info.pri_res),
-        )
-    share = np.clip(qp.results.x, -1.0, 1.0)
-    # Again to round-off, with those that hold and those that slip as found.
-    exact = share
-    for _ in range(count + 1):
-        holds = np.abs(share) < 1.0 - _HELD
-        exact = np.where(holds, 0.0, np.sign(share))
-        own = root[holds]
-        if holds.any():
-            exact[holds] = -np.linalg.lstsq(own @ own.T / size, b[holds] + own @ (root.T @ exact) / size)[0]
-        beyond = np.abs(exact) > 1.0 + 1e-12
-        if not beyond.any():
-            break
-        share = np.clip(exact, -1.0, 1.0)
-    return limits * np.clip(exact, -1.0, 1.0)
 
 
 def _require_idle(state: State, weightless: FloatArray, moments: FloatArray) -> None:

@@ -24,10 +24,11 @@ from stewart_pin.mechanics.effort import Effort
 from stewart_pin.model.tree import Limits
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
+from stewart_pin.state.joint_effects import held_by
 from stewart_pin.state.loop_rows import Drive
 from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, given_efforts, needed_efforts
 from stewart_pin.state.state import State, as_state, named_motion
-from stewart_pin.tolerances import CONSISTENT, NO_INERTIA
+from stewart_pin.tolerances import CONSISTENT, NO_INERTIA, TAKES_PART
 from stewart_pin.typing import ArrayLike, BoolArray, FloatArray, Tangent
 
 Method = Literal["pinocchio", "constraint_matrix"]
@@ -78,7 +79,8 @@ def inverse_dynamics(
         does not depend on the unit of length. Springs, damping and dry friction of joints (`with_joint_physics`) count:
         dry friction opposes the motion, of a joint at rest the one that `a` starts; where that stays, it may be
         anything within its limits, and ``band`` tells what motors may then give. Idle freedoms, which no motor can
-        drive, follow their own inertia, the wrenches and their joints, whatever `a` asks of them.
+        drive, follow their own inertia, the wrenches and their joints, whatever `a` asks of them; dry friction holds
+        them at rest while it can.
 
     Raises
     ------
@@ -106,7 +108,7 @@ def inverse_dynamics(
     if method not in get_args(Method):
         raise InputError(f"method must be one of {', '.join(get_args(Method))}, got {method!r}")
     if method == "pinocchio" and effort_limit is None and state.drive is not None:
-        return _with_band(_by_drive(state, state.drive, a, outside), state, a)
+        return _with_band(_by_drive(state, state.drive, a, outside), state, outside)
     # What is singular is a property of the state, so that all methods refuse the same ones.
     if throw:
         require_held(state)
@@ -116,22 +118,45 @@ def inverse_dynamics(
             raise InputError(
                 "effort_limit is for method 'pinocchio'; 'constraint_matrix' gives the least-norm efforts"
             )
-        return _with_band(constraint_matrix_inverse_dynamics(state, a, outside, throw=throw), state, a)
-    return _with_band(_by_motions(state, a, effort_limit, outside), state, a)
+        return _with_band(constraint_matrix_inverse_dynamics(state, a, outside, throw=throw), state, outside)
+    return _with_band(_by_motions(state, a, effort_limit, outside), state, outside)
 
 
-def _with_band(effort: Effort, state: State, a: Tangent) -> Effort:
+def _with_band(effort: Effort, state: State, outside: OutsideWrenches | None) -> Effort:
     """Add by how much motor efforts may differ while dry friction holds what is at rest."""
     if state.effects is None or not state.effects.rubbing.limits.size:
         return effort
     rub = state.effects.rubbing
-    held = state.effects.directions(a) == 0
+    held = state.effects.directions(effort.a) == 0
     if not held.any():
         return effort
-    half = np.zeros(state.chain.nu)
-    for push in (rub.limits[:, None] * rub.rows)[held]:
-        half += np.abs(_motors_alone(state, push))
+    pushes = (rub.limits[:, None] * rub.rows)[held]
+    gains = np.array([_motors_alone(state, push) for push in pushes]).T
+    if state.drive is None and _take_part(state, state.freedom.idle)[held].any():
+        return replace(effort, band=_band_beside_idle(effort, state, outside, pushes, gains))
+    half = np.abs(gains).sum(axis=1)
     return replace(effort, band=effort.tau_motor[:, None] + np.outer(half, [-1.0, 1.0]))
+
+
+def _band_beside_idle(
+    effort: Effort, state: State, outside: OutsideWrenches | None, pushes: FloatArray, gains: FloatArray
+) -> FloatArray:
+    """Efforts (nu, 2) that friction (k, nv) allows, of all its shares that balance idle freedoms as they are balanced.
+
+    The gains (nu, k) are what motors have to give against each at its limit.
+    """
+    from scipy.optimize import linprog  # noqa: PLC0415 - slow to import, for what few chains ask
+
+    given = state.chain.motor_rows.T @ effort.tau_motor + state.J_c.T @ effort.lambda_c
+    share = np.linalg.lstsq(pushes.T, needed_efforts(state, effort.a, outside) - given)[0]
+    balance, ends = state.freedom.idle.T @ pushes.T, []
+    unit = float(np.abs(balance).max()) or 1.0
+    equal = balance / unit, balance @ share / unit
+    for gain in gains:
+        size = float(np.abs(gain).max()) or 1.0
+        both = [sign * linprog(sign * gain / size, None, None, *equal, (-1, 1)).fun for sign in (1, -1)]
+        ends.append([size * end for end in both])
+    return (effort.tau_motor + gains @ share)[:, None] - np.array(ends)[:, ::-1]
 
 
 def _motors_alone(state: State, push: Tangent) -> FloatArray:
@@ -295,9 +320,40 @@ def _let_idle_go(
     if not idle.shape[1]:
         return needed, a
     moments, axes, heavy = idle_inertia(state)
-    axes = idle @ axes[:, heavy]
-    change = -axes @ ((axes.T @ needed) / moments[heavy])
+    axes = idle @ (axes[:, heavy] / np.sqrt(moments[heavy]))
+    if state.effects is not None:
+        needed = _with_idle_friction(state, a, axes, needed)
+    change = -axes @ (axes.T @ needed)
     return needed + state.M @ change, a + change
+
+
+def _with_idle_friction(state: State, a: Tangent, axes: FloatArray, needed: FloatArray) -> FloatArray:
+    """Let dry friction oppose what idle freedoms at rest do, instead of what was demanded of them.
+
+    The axes (nv, k) of the idle freedoms are of one unit of inertia each.
+    """
+    assert state.effects is not None
+    rub = state.effects.rubbing
+    free = ~rub.moving & _take_part(state, axes)
+    if not free.any():
+        return needed
+    rows, limits = rub.rows[free], rub.limits[free]
+    needed = needed - (limits * state.effects.directions(a)[free]) @ rows
+    pull = rows @ (a - axes @ (axes.T @ needed)) + rub.bias[free]
+    friction = held_by(rows @ axes, pull, limits) @ rows
+    require_idle_inertia(state, friction)
+    return needed - friction
+
+
+def _take_part(state: State, motions: FloatArray) -> BoolArray:
+    """Tell which coordinates with dry friction take part in one of some motions (nv, k)."""
+    assert state.effects is not None
+    rub, chain = state.effects.rubbing, state.chain
+    if not motions.shape[1]:
+        return np.zeros(len(rub.rows), dtype=bool)
+    lengths = np.linalg.norm(motions / chain.tangent_scale[:, None], axis=0)
+    shares = rub.rows @ (motions / lengths) / rub.sizes[:, None]
+    return (np.abs(shares) > TAKES_PART).any(axis=1)
 
 
 def idle_inertia(state: State) -> tuple[FloatArray, FloatArray, BoolArray]:

@@ -18,8 +18,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
+import proxsuite
 from numpy.polynomial import polynomial
 
+from stewart_pin.errors import ConvergenceError
 from stewart_pin.model.description import JointKind, physics_coordinates
 from stewart_pin.model.joint_physics import JointPhysics, read_fields
 from stewart_pin.state.joint_coordinates import TURNS, Coordinate, coordinates_of_ball, coordinates_of_loop
@@ -420,3 +422,74 @@ def moving(rates: FloatArray, v: Tangent, sizes: FloatArray, chain: ClosedChain)
 
 def _displaced(state: State, step: Tangent) -> State:
     return type(state)(state.chain, pin.integrate(state.chain.model, state.q, step))
+
+
+# ----------------------------------------------------------------------------------------------------
+# Dry friction of joints at rest
+#
+# Of all accelerations that the loops allow, the one that is chosen has friction f do as much as it can against it: with
+# b the accelerations of the coordinates at rest without f, and W what a unit of each effort adds to them, f minimises
+#
+#     fᵀ W f / 2 + bᵀ f,   |f_i| ≤ F_i,
+#
+# so that either a coordinate stays, or f_i = -F_i sign of its acceleration (Gauss's principle; Moreau, 1966).
+# ----------------------------------------------------------------------------------------------------
+
+_HELD = 1e-6
+"""Distance from the limit of friction, relative to it, from which on the solver means less than the limit."""
+
+
+def held_by(response: FloatArray, accelerations: FloatArray, limits: FloatArray) -> FloatArray:
+    """Solve for the dry friction of coordinates at rest.
+
+    Parameters
+    ----------
+    response
+        (k, n) root of what a unit of each friction does: W is it times its transpose [1/kg^½ or 1/(kg^½ m)].
+    accelerations
+        (k,) accelerations of the coordinates without friction [m/s² or rad/s²].
+    limits
+        (k,) dry friction, above zero [N or N m].
+
+    Returns
+    -------
+    numpy.ndarray
+        (k,) efforts of friction; the least ones, in shares of their limits, where several do the same [N or N m].
+
+    Raises
+    ------
+    ConvergenceError
+        If the solver finds none.
+    """
+    root = limits[:, None] * response  # in shares of the limits
+    pull = limits * accelerations
+    size = float(np.abs(pull).max(initial=0.0)) or 1.0
+    W, b, count = root @ root.T / size, pull / size, len(limits)
+    W_size = float(np.abs(W).max(initial=0.0)) or 1.0
+    qp = proxsuite.proxqp.dense.QP(count, 0, 0, True)
+    qp.settings.eps_abs, qp.settings.max_iter = 1e-9, 10_000
+    none = np.zeros((0, count))
+    one = np.ones(count)
+    # In units of W, shares grow where friction is much stronger than what moves: the bounds go with them.
+    qp.init(W / W_size, b / W_size, none, np.zeros(0), none, np.zeros(0), np.zeros(0), -one, one)
+    qp.solve()
+    if qp.results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED:
+        raise ConvergenceError(
+            f"no dry friction of the joints at rest was found ({qp.results.info.status}); "
+            "are some frictions many orders of magnitude larger than others?",
+            residual=float(qp.results.info.pri_res),
+        )
+    share = np.clip(qp.results.x, -1.0, 1.0)
+    # Again to round-off, with those that hold and those that slip as found.
+    exact = share
+    for _ in range(count + 1):
+        holds = np.abs(share) < 1.0 - _HELD
+        exact = np.where(holds, 0.0, np.sign(share))
+        own = root[holds]
+        if holds.any():
+            exact[holds] = -np.linalg.lstsq(own @ own.T / size, b[holds] + own @ (root.T @ exact) / size)[0]
+        beyond = np.abs(exact) > 1.0 + 1e-12
+        if not beyond.any():
+            break
+        share = np.clip(exact, -1.0, 1.0)
+    return limits * np.clip(exact, -1.0, 1.0)

@@ -12,6 +12,8 @@ from tests.zoo.table import ROBOTS
 
 AGREE = 1e-10
 """Relative; as law 5 without physics of joints."""
+ROUND_TRIP = 1e-8
+"""Relative; round-off times the spread of the inertias, as without physics of joints."""
 
 
 @pytest.fixture(params=[*ROBOTS, *KINDS])
@@ -37,12 +39,56 @@ def held(chain: stp.ClosedChain) -> None:
         pytest.skip(f"the motors of {chain.name} do not hold it")
 
 
-def test_methods_agree(chain: stp.ClosedChain, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("rest", [False, True])
+def test_methods_agree(chain: stp.ClosedChain, rng: np.random.Generator, *, rest: bool) -> None:
     held(chain)
-    q, v, a = state_of(chain, rng)
+    q, v, a = state_of(chain, rng, rest=rest)
     one = stp.inverse_dynamics(chain, q, v, a)
     two = stp.inverse_dynamics(chain, q, v, a, method="constraint_matrix")
     close(two.tau_motor, one.tau_motor, AGREE)
     close(two.a / chain.tangent_scale, one.a / chain.tangent_scale, AGREE)
     if one.reactions_unique:
-        close(two.lambda_c / chain.row_sizes, one.lambda_c / chain.row_sizes, 1e-9)
+        close(two.lambda_c * chain.row_sizes, one.lambda_c * chain.row_sizes, AGREE)
+
+
+def test_methods_agree_on_what_is_held(chain: stp.ClosedChain, rng: np.random.Generator) -> None:
+    held(chain)
+    q = random_configuration(chain, rng)
+    one = stp.inverse_dynamics(chain, q, chain.rest, chain.rest)
+    two = stp.inverse_dynamics(chain, q, chain.rest, chain.rest, method="constraint_matrix")
+    close(two.tau_motor, one.tau_motor, AGREE)
+    assert one.a / chain.tangent_scale == pytest.approx(two.a / chain.tangent_scale, abs=AGREE, rel=AGREE)
+    assert one.band is not None and two.band is not None
+    close(two.band, one.band, AGREE)
+
+
+@pytest.mark.parametrize("rest", [False, True])
+def test_forward_and_inverse_undo_each_other(
+    chain: stp.ClosedChain, rng: np.random.Generator, *, rest: bool
+) -> None:
+    held(chain)
+    q, v, a = state_of(chain, rng, rest=rest)
+    effort = stp.inverse_dynamics(chain, q, v, a)
+    back = stp.forward_dynamics(chain, q, v, effort.tau_motor)
+    close(back.a / chain.tangent_scale, effort.a / chain.tangent_scale, ROUND_TRIP)
+    tau = effort.tau_motor + 0.1 * rng.normal(size=chain.nu) * np.abs(effort.tau_motor).max()
+    again = stp.inverse_dynamics(chain, q, v, stp.forward_dynamics(chain, q, v, tau).a)
+    slack = ROUND_TRIP * np.abs(tau).max()
+    least, most = (again.tau_motor,) * 2 if again.band is None else again.band.T
+    assert (tau >= least - slack).all() and (tau <= most + slack).all()
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_friction_holds_the_motor_within_its_band(name: str, rng: np.random.Generator) -> None:
+    # All but the motor is idle there: some of it slips, the rest is held, and holds the motor.
+    chain = physical(name)
+    if chain.nu > 1:
+        pytest.skip("bands of several motors hang together")
+    q = random_configuration(chain, rng)
+    effort = stp.inverse_dynamics(chain, q, chain.rest, chain.rest)
+    assert effort.band is not None
+    least, most = effort.band[0]
+    for share, moves in ((-0.01, -1), (0.01, 0), (0.99, 0), (1.01, 1)):
+        a = stp.forward_dynamics(chain, q, chain.rest, [least + share * (most - least)]).a
+        own = a[chain.motor_index[0]] / chain.tangent_scale[chain.motor_index[0]]
+        assert np.sign(own) * (abs(own) > 1e-9) == moves
