@@ -18,7 +18,7 @@ from scipy.linalg import get_lapack_funcs
 from stewart_pin.checks import as_array
 from stewart_pin.errors import ConvergenceError, InputError, SingularityError, UnsupportedError
 from stewart_pin.mechanics.effort import Motion
-from stewart_pin.mechanics.inverse_dynamics import least_reactions, require_idle_inertia
+from stewart_pin.mechanics.inverse_dynamics import least_reactions, require_idle_inertia, take_part
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.joint_effects import held_by
 from stewart_pin.state.loop_rows import Drive
@@ -214,18 +214,23 @@ def friction_at_rest(
         As `held_by`.
     """
     assert state.effects is not None
-    rub, chain = state.effects.rubbing, state.chain
-    rows, limits = rub.rows[still], share * rub.limits[still]
-    free = state.motions.basis
-    moments, axes = np.linalg.eigh(free.T @ state.inertia @ free)
+    rub, free = state.effects.rubbing, state.chain.tangent_scale[:, None] * state.motions.basis
+    able = take_part(state, free)[still]  # what closed loops let nothing move does nothing
+    efforts, left = np.zeros((2, len(able)))
+    if not able.any():
+        return efforts, left
+    rows, limits = rub.rows[still][able], share * rub.limits[still][able]
+    moments, axes = np.linalg.eigh(free.T @ state.M @ free)
     heavy = moments > NO_INERTIA * moments.max(initial=0.0)
-    response = (rows * chain.tangent_scale) @ free @ (axes[:, heavy] / np.sqrt(moments[heavy]))
-    pull = rows @ a + rub.bias[still]
-    efforts = held_by(response, pull, limits)
+    response = rows @ free @ (axes[:, heavy] / np.sqrt(moments[heavy]))
+    pull = rows @ a + rub.bias[still][able]
+    efforts[able] = held_by(response, pull, limits)
     across = response @ response.T
-    left = pull + across @ efforts
+    rates = pull + across @ efforts[able]
     # Round-off of what holds, and of what nothing pulls.
-    return efforts, np.where(np.abs(left) > _AT_ONCE * (np.abs(pull) + np.abs(across) @ limits), left, 0.0)
+    starts = np.abs(rates) > _AT_ONCE * (np.abs(pull) + np.abs(across) @ limits)
+    left[able] = np.where(starts, rates, 0.0)
+    return efforts, left
 
 
 def _require_idle(state: State, weightless: FloatArray, moments: FloatArray) -> None:

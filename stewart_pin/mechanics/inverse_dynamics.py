@@ -132,7 +132,7 @@ def _with_band(effort: Effort, state: State, outside: OutsideWrenches | None) ->
         return effort
     pushes = (rub.limits[:, None] * rub.rows)[held]
     gains = np.array([_motors_alone(state, push) for push in pushes]).T
-    if state.drive is None and _take_part(state, state.freedom.idle)[held].any():
+    if state.drive is None and take_part(state, state.freedom.idle)[held].any():
         return replace(effort, band=_band_beside_idle(effort, state, outside, pushes, gains))
     half = np.abs(gains).sum(axis=1)
     return replace(effort, band=effort.tau_motor[:, None] + np.outer(half, [-1.0, 1.0]))
@@ -334,7 +334,7 @@ def _with_idle_friction(state: State, a: Tangent, axes: FloatArray, needed: Floa
     """
     assert state.effects is not None
     rub = state.effects.rubbing
-    free = ~rub.moving & _take_part(state, axes)
+    free = ~rub.moving & take_part(state, axes)
     if not free.any():
         return needed
     rows, limits = rub.rows[free], rub.limits[free]
@@ -345,8 +345,21 @@ def _with_idle_friction(state: State, a: Tangent, axes: FloatArray, needed: Floa
     return needed - friction
 
 
-def _take_part(state: State, motions: FloatArray) -> BoolArray:
-    """Tell which coordinates with dry friction take part in one of some motions (nv, k)."""
+def take_part(state: State, motions: FloatArray) -> BoolArray:
+    """Tell which coordinates with dry friction take part in one of some motions.
+
+    Parameters
+    ----------
+    state
+        State with `Effects`.
+    motions
+        (nv, k) tangent vectors [m, rad].
+
+    Returns
+    -------
+    numpy.ndarray
+        (k,) mask of `Effects.rubbing`.
+    """
     assert state.effects is not None
     rub, chain = state.effects.rubbing, state.chain
     if not motions.shape[1]:

@@ -437,6 +437,10 @@ def _displaced(state: State, step: Tangent) -> State:
 
 _HELD = 1e-6
 """Distance from the limit of friction, relative to it, from which on the solver means less than the limit."""
+_ROUND_OFF = 1e-10
+"""Excess over a limit, and acceleration along friction, relative to the largest, that are round-off."""
+_DEPENDENT = 1e-12
+"""Responses of size one below which coordinates move as others do: some thousand units of round-off."""
 
 
 def held_by(response: FloatArray, accelerations: FloatArray, limits: FloatArray) -> FloatArray:
@@ -445,7 +449,8 @@ def held_by(response: FloatArray, accelerations: FloatArray, limits: FloatArray)
     Parameters
     ----------
     response
-        (k, n) root of what a unit of each friction does: W is it times its transpose [1/kg^½ or 1/(kg^½ m)].
+        (k, n) root of what a unit of each friction does: W is it times its transpose; of each coordinate more than
+        round-off [1/kg^½ or 1/(kg^½ m)].
     accelerations
         (k,) accelerations of the coordinates without friction [m/s² or rad/s²].
     limits
@@ -454,42 +459,63 @@ def held_by(response: FloatArray, accelerations: FloatArray, limits: FloatArray)
     Returns
     -------
     numpy.ndarray
-        (k,) efforts of friction; the least ones, in shares of their limits, where several do the same [N or N m].
+        (k,) efforts of friction; where several do the same the least ones that they can be [N or N m].
 
     Raises
     ------
     ConvergenceError
         If the solver finds none.
     """
-    root = limits[:, None] * response  # in shares of the limits
-    pull = limits * accelerations
-    size = float(np.abs(pull).max(initial=0.0)) or 1.0
-    W, b, count = root @ root.T / size, pull / size, len(limits)
-    W_size = float(np.abs(W).max(initial=0.0)) or 1.0
-    qp = proxsuite.proxqp.dense.QP(count, 0, 0, True)
+    # In units in which each answers itself by one: heavy and light bodies, lengths and angles side by side.
+    moved = np.linalg.norm(response, axis=1)
+    root, bound, b = response / moved[:, None], limits * moved, accelerations / moved
+    W = root @ root.T
+    size = float(max(np.abs(b).max(), (np.abs(W) @ bound).max()))
+    start = _start(W, b, bound)
+    holds, left = np.abs(start) < bound * (1.0 - _HELD), np.inf
+    for _ in range(4 * len(bound) + 4):
+        share = _held(root, b, np.where(holds, start, np.sign(start) * bound), holds, bound)
+        beyond = np.where(holds, np.abs(share) / bound - 1.0, 0.0)
+        along = np.where(holds, 0.0, (W @ share + b) * np.sign(share)) / size
+        left = max(float(beyond.max()), float(along.max()))
+        if beyond.max() > _ROUND_OFF:  # it slips after all
+            k = int(np.argmax(beyond))
+            holds[k], start[k] = False, np.sign(share[k]) * bound[k]
+        elif along.max() > _ROUND_OFF:  # friction would drive it
+            k = int(np.argmax(along))
+            holds[k] = True
+        else:
+            return np.clip(share, -bound, bound) / moved
+    raise ConvergenceError(
+        f"no dry friction of the joints at rest was found: {left:.3g} of it is left over; "
+        "are some frictions many orders of magnitude larger than others?",
+        residual=left,
+    )
+
+
+def _start(W: FloatArray, b: FloatArray, bound: FloatArray) -> FloatArray:
+    """Solve the quadratic programme of friction, to the accuracy of the solver."""
+    # In units of the largest friction, which W has as well: else shares grow where it is much stronger than what moves.
+    largest = float(bound.max())
+    qp = proxsuite.proxqp.dense.QP(len(b), 0, 0, True)
     qp.settings.eps_abs, qp.settings.max_iter = 1e-9, 10_000
-    none = np.zeros((0, count))
-    one = np.ones(count)
-    # In units of W, shares grow where friction is much stronger than what moves: the bounds go with them.
-    qp.init(W / W_size, b / W_size, none, np.zeros(0), none, np.zeros(0), np.zeros(0), -one, one)
+    none = np.zeros((0, len(b)))
+    ends = bound / largest
+    qp.init(W, b / largest, none, np.zeros(0), none, np.zeros(0), np.zeros(0), -ends, ends)
     qp.solve()
-    if qp.results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED:
-        raise ConvergenceError(
-            f"no dry friction of the joints at rest was found ({qp.results.info.status}); "
-            "are some frictions many orders of magnitude larger than others?",
-            residual=float(qp.results.info.pri_res),
-        )
-    share = np.clip(qp.results.x, -1.0, 1.0)
-    # Again to round-off, with those that hold and those that slip as found.
-    exact = share
-    for _ in range(count + 1):
-        holds = np.abs(share) < 1.0 - _HELD
-        exact = np.where(holds, 0.0, np.sign(share))
+    return np.clip(qp.results.x, -ends, ends) * largest
+
+
+def _held(
+    root: FloatArray, b: FloatArray, share: FloatArray, holds: BoolArray, bound: FloatArray
+) -> FloatArray:
+    """Solve for the friction of what holds, the rest as it is: the least, or the nearest within its limits."""
+    share = share.copy()
+    if holds.any():
         own = root[holds]
-        if holds.any():
-            exact[holds] = -np.linalg.lstsq(own @ own.T / size, b[holds] + own @ (root.T @ exact) / size)[0]
-        beyond = np.abs(exact) > 1.0 + 1e-12
-        if not beyond.any():
-            break
-        share = np.clip(exact, -1.0, 1.0)
-    return limits * np.clip(exact, -1.0, 1.0)
+        others = b[holds] + own @ (root[~holds].T @ share[~holds])
+        inner = own @ own.T
+        least = -np.linalg.lstsq(inner, others, rcond=_DEPENDENT)[0]
+        near = share[holds] - np.linalg.lstsq(inner, others + inner @ share[holds], rcond=_DEPENDENT)[0]
+        share[holds] = least if (np.abs(least) <= bound[holds]).all() else near
+    return share

@@ -92,3 +92,15 @@ def test_friction_holds_the_motor_within_its_band(name: str, rng: np.random.Gene
         a = stp.forward_dynamics(chain, q, chain.rest, [least + share * (most - least)]).a
         own = a[chain.motor_index[0]] / chain.tangent_scale[chain.motor_index[0]]
         assert np.sign(own) * (abs(own) > 1e-9) == moves
+
+
+@pytest.mark.parametrize("rest", [False, True])
+def test_articulated_bodies_agree(chain: stp.ClosedChain, rng: np.random.Generator, *, rest: bool) -> None:
+    q, v, _ = state_of(chain, rng, rest=rest)
+    tau = rng.normal(size=chain.nu) * float(np.abs(chain.at(q).nle).max())
+    one = stp.forward_dynamics(chain, q, v, tau)
+    two = stp.dynamics.closed_chain_articulated_body(chain, q, v, tau)
+    close(two.a / chain.tangent_scale, one.a / chain.tangent_scale, 1e-9)
+    if not chain.nc:
+        three = stp.articulated_body_acceleration(chain, q, v, chain.motor_rows.T @ tau)
+        close(three, one.a, 1e-9)

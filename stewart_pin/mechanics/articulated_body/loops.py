@@ -11,13 +11,22 @@ import pinocchio as pin
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.mechanics.articulated_body.bodies import Body, cross_motion, skew, tree_bodies
+from stewart_pin.mechanics.articulated_body.joint_efforts import (
+    JointCoordinate,
+    LoopFrames,
+    loop_coordinates_of,
+    tree_coordinates,
+    with_moving_friction,
+)
 from stewart_pin.mechanics.articulated_body.passes import (
     BodyMotion,
+    Response,
     first_pass,
     respond,
     spatial_base,
     without_inertia,
 )
+from stewart_pin.mechanics.constraint_matrix.joint_efforts import friction_at_rest
 from stewart_pin.mechanics.effort import Motion
 from stewart_pin.model.description import Loop
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows
@@ -285,20 +294,27 @@ def closed_chain_articulated_body(
     motion = _under(chain, wrenches, first_pass(bodies, q, v, base_velocity), base_motion)
     loops = [loop_wrenches(loop, bodies, motion) for loop in chain.loops]
     gears = coupling_rows(chain, bodies, q, v)
+    own = [*tree_coordinates(chain, bodies, q, v), *_loop_coordinates(chain, bodies, motion)]
+    efforts, resting = with_moving_friction(chain, own, v)
 
     rotors = np.array(chain.model.armature)
     lent = without_inertia(bodies, rotors, motion.to_parent) if chain.nc else []
     rotors[lent] += _rotors(chain)[lent]
     # Case 0 is the state with open loops, case k a unit force of row k alone, at rest and without gravity; then a unit
-    # effort on each joint that has been lent a rotor.
-    cases = 1 + chain.nc + len(lent)
+    # effort on each joint that has been lent a rotor, and at each coordinate that dry friction may hold.
+    rows = chain.nc + len(lent)
+    cases = 1 + rows + len(resting)
     tau = np.zeros((chain.nv, cases))
     tau[chain.motor_index, 0] = tau_motor
     bias, product = np.zeros((2, len(bodies), 6, cases))
     bias[:, :, 0], product[:, :, 0] = motion.bias, motion.velocity_product
+    for effort, coordinate in zip(efforts, own, strict=True):
+        coordinate.give(effort, tau[:, 0], bias[:, :, 0])
+    for k, coordinate in enumerate(resting, 1 + rows):
+        coordinate.give(1.0, tau[:, k], bias[:, :, k])
     # A gear's unit force is a pair of joint efforts.
     tau[:, 1 + chain.nc - gears.jacobian.shape[0] : 1 + chain.nc] = gears.jacobian.T
-    tau[lent, np.arange(1 + chain.nc, cases)] = 1.0
+    tau[lent, np.arange(1 + chain.nc, 1 + rows)] = 1.0
     base = np.zeros((6, cases))
     base[:, 0] = base_acceleration
     start = 1
@@ -309,8 +325,6 @@ def closed_chain_articulated_body(
         bias[loop.body1][:, columns] += loop.wrench1
         start = columns.stop
     response = respond(bodies, rotors, motion.to_parent, tau, bias, product, base)
-    if not chain.nc:
-        return Motion(a=np.ascontiguousarray(response.joint[:, 0]), lambda_c=np.zeros(0))
     relative = np.vstack(
         [
             *(x.wrench2.T @ response.body[x.body2] - x.wrench1.T @ response.body[x.body1] for x in loops),
@@ -318,14 +332,62 @@ def closed_chain_articulated_body(
             response.joint[lent],
         ]
     )
-    open_loops = relative[:, 0] + np.concatenate(
-        [*(loop.bias for loop in loops), gears.bias, np.zeros(len(lent))]
-    )
-    rows = relative[:, 1:]
-    at = np.arange(chain.nc, rows.shape[0])
-    rows[at, at] -= 1 / rotors[lent]
-    forces = _loop_forces(chain, rows, open_loops, lent)
-    return Motion(a=response.joint[:, 0] + response.joint[:, 1:] @ forces, lambda_c=forces[: chain.nc])
+    relative[: chain.nc, 0] += np.concatenate([*(loop.bias for loop in loops), gears.bias])
+    given, asked = [0, *range(1 + rows, cases)], slice(1, 1 + rows)
+    kept = relative[:, asked]
+    at = np.arange(chain.nc, rows)
+    kept[at, at] -= 1 / rotors[lent]
+    forces = _loop_forces(chain, kept, relative[:, given], lent)
+    held = _held(chain, resting, response, given, asked, forces)
+    total = forces[:, 0] + forces[:, 1:] @ held
+    a = response.joint[:, 0] + response.joint[:, asked] @ total + response.joint[:, 1 + rows :] @ held
+    return Motion(a=a, lambda_c=total[: chain.nc])
+
+
+_STARTS = 1e-6
+"""Acceleration per effort, in robot sizes and the mass of the robot, from which on a coordinate may start to move: that
+of one that loops hold is round-off, that of a thin rod a hundred or more."""
+
+
+def _held(
+    chain: ClosedChain,
+    resting: Sequence[JointCoordinate],
+    response: Response,
+    given: Sequence[int],
+    asked: slice,
+    forces: FloatArray,
+) -> FloatArray:
+    """Dry friction of coordinates at rest, from what a unit of each does with closed loops (k,) [N or N m].
+
+    Given are the load cases of the state and of these units, asked those of the rows; forces keep the loops closed.
+    """
+    held = np.zeros(len(resting))
+    if not resting:
+        return held
+    rates = np.array([own.accelerations(response) for own in resting])
+    closed = rates[:, given] + rates[:, asked] @ forces
+    pull, units = closed[:, 0] + [own.known for own in resting], closed[:, 1:]
+    sizes = np.array([own.size for own in resting])
+    inertia = chain.length_scale**2 * sum(body.mass for body in chain.model.inertias)
+    able = units.diagonal() * inertia > _STARTS * sizes**2
+    if able.any():
+        limits = np.array([own.friction for own in resting])[able]
+        held[able] = friction_at_rest(units[np.ix_(able, able)], pull[able], limits)
+    return held
+
+
+def _loop_coordinates(
+    chain: ClosedChain, bodies: Sequence[Body], motion: BodyMotion
+) -> list[JointCoordinate]:
+    """List what joints that close loops do."""
+    number, found = {body.link: i for i, body in enumerate(bodies)}, []
+    for loop in chain.loops:
+        one, two = number[loop.link1], number[loop.link2]
+        axes1, origin1 = _loop_frame(motion.to_base[one], loop.placement1)
+        axes2, origin2 = _loop_frame(motion.to_base[two], loop.placement2)
+        frames = LoopFrames(one, two, axes1, axes2, origin1, origin2)
+        found += loop_coordinates_of(loop, frames, motion, chain.length_scale)
+    return found
 
 
 def _rotors(chain: ClosedChain) -> FloatArray:
@@ -337,7 +399,12 @@ def _rotors(chain: ClosedChain) -> FloatArray:
 def _loop_forces(
     chain: ClosedChain, response: FloatArray, open_loops: FloatArray, lent: list[int]
 ) -> FloatArray:
-    """Solve A λ + b = 0 with as many directions as the loops have; least in natural units where rows are redundant."""
+    """Solve A λ + b = 0 with as many directions as the loops have; least in natural units where rows are redundant.
+
+    Each column of b is a load case of its own.
+    """
+    if not response.size:
+        return np.zeros_like(open_loops)
     sizes = np.concatenate([chain.row_sizes, chain.tangent_scale[lent]])
     rank = chain.generic.rank + len(lent)
     # Per natural effort and in natural units: A is symmetric, its rank that of the loop rows.
@@ -350,7 +417,8 @@ def _loop_forces(
             smallest_singular_value=float(s[rank - 1]),
             names=(name,),
         )
-    return -(vt[:rank].T @ ((u[:, :rank].T @ (open_loops / sizes)) / s[:rank])) / sizes
+    scaled = u[:, :rank].T @ (open_loops / sizes[:, None])
+    return -(vt[:rank].T @ (scaled / s[:rank, None])) / sizes[:, None]
 
 
 def _under(
@@ -397,7 +465,8 @@ def articulated_body_acceleration(
     v
         (nv,) tangent velocity [m/s, rad/s].
     tau
-        (nv,) efforts of all tree joints, not of the motors only [N, N m].
+        (nv,) efforts of all tree joints, not of the motors only, beside what they do by themselves; what joints that
+        close loops do is left away with the loops [N, N m].
     wrenches
         {link: (6,)} what acts from outside: [force; moment] on the link, at the origin of its frame, world axes; with a
         `base_motion` those of the inertial frame [N, N m].
@@ -439,13 +508,20 @@ def articulated_body_acceleration(
     base_velocity, base_acceleration = spatial_base(base_motion, chain.gravity)
     bodies = tree_bodies(chain)
     motion = _under(chain, wrenches, first_pass(bodies, q, v, base_velocity), base_motion)
+    efforts, resting = with_moving_friction(chain, own := tree_coordinates(chain, bodies, q, v), v)
+    given = np.zeros((chain.nv, 1 + len(resting)))
+    given[:, 0] = tau
+    given[[each.entry for each in own], 0] += efforts
+    given[[each.entry for each in resting], np.arange(1, given.shape[1])] = 1.0
+    first = np.arange(given.shape[1]) == 0
     response = respond(
         bodies,
         np.array(chain.model.armature),
         motion.to_parent,
-        tau[:, None],
-        motion.bias[:, :, None],
-        motion.velocity_product[:, :, None],
-        base_acceleration[:, None],
+        given,
+        motion.bias[:, :, None] * first,
+        motion.velocity_product[:, :, None] * first,
+        base_acceleration[:, None] * first,
     )
-    return np.ascontiguousarray(response.joint[:, 0])
+    held = _held(chain, resting, response, range(given.shape[1]), slice(0), np.zeros((0, given.shape[1])))
+    return response.joint[:, 0] + response.joint[:, 1:] @ held

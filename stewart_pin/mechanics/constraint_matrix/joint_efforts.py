@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.errors import ConvergenceError
@@ -304,7 +305,8 @@ def moves(rates: FloatArray, sizes: FloatArray, motion: Tangent, chain: ClosedCh
     return np.sign(rates) * (abs(rates) > sizes * max(AT_REST, AT_REST_BESIDE * largest))
 
 
-_SWEEPS = 20_000
+_DEPENDENT = 1e-12
+"""Eigenvalue of responses of size one below which coordinates move as others do: some thousand units of round-off."""
 _EXACT = 1e-9
 """Acceleration against friction that may be left, relative to the largest: its direction is told to ten digits."""
 
@@ -312,13 +314,14 @@ _EXACT = 1e-9
 def friction_at_rest(response: FloatArray, accelerations: FloatArray, limits: FloatArray) -> FloatArray:
     """Find what dry friction does at coordinates at rest that are free to start.
 
-    Coordinate by coordinate, friction stops its acceleration or does all that it can, until none changes; then those
-    that stay are solved for together.
+    With the responses W = Rᵀ R and the accelerations b = Rᵀ d, friction f makes ǀR f + dǀ least within its limits
+    (Gauss's principle).
 
     Parameters
     ----------
     response
-        (k, k) acceleration of each per unit effort at each [1/kg or 1/(kg m²)].
+        (k, k) acceleration of each per unit effort at each, each answering itself by more than round-off [1/kg or
+        1/(kg m²)].
     accelerations
         (k,) accelerations without friction at rest [m/s² or rad/s²].
     limits
@@ -334,27 +337,29 @@ def friction_at_rest(response: FloatArray, accelerations: FloatArray, limits: Fl
     ConvergenceError
         If some coordinate starts along its friction, or stays against what it can do.
     """
-    # In shares of the limits, and of the largest acceleration.
-    matrix, pull = response * limits * limits[:, None], accelerations * limits
-    size = float(max(abs(pull))) or 1.0
-    share = np.zeros(len(limits))
-    for _ in range(_SWEEPS):
-        before = share.copy()
-        for k, own in enumerate(matrix):
-            share[k] = np.clip(share[k] - (own @ share + pull[k]) / own[k], -1.0, 1.0)
-        if abs(share - before).max() < 1e-13:
-            break
-    stay = abs(share) < 1.0 - 1e-9
-    share[~stay] = np.sign(share[~stay])
-    if stay.any():
-        others = pull[stay] + matrix[np.ix_(stay, ~stay)] @ share[~stay]
-        share[stay] = -np.linalg.lstsq(matrix[np.ix_(stay, stay)], others, rcond=1e-12)[0]
-    left = (matrix @ share + pull) / size
-    wrong = np.where(stay, abs(left), np.maximum(left * share, 0.0))
-    if max(wrong) > _EXACT or max(abs(share)) > 1.0 + _EXACT:
+    # In units in which each answers itself by one.
+    unit = 1.0 / np.sqrt(response.diagonal())
+    matrix, pull, bound = response * unit * unit[:, None], accelerations * unit, limits / unit
+    size = float(max(abs(pull).max(), (abs(matrix) @ bound).max()))
+    values, axes = np.linalg.eigh((matrix + matrix.T) / 2)
+    moves_alone = values > _DEPENDENT * values[-1]
+    root, across = np.sqrt(values[moves_alone]), axes[:, moves_alone].T
+    rows, right = root[:, None] * across, -(across @ pull) / root
+    beside = axes[:, ~moves_alone].T
+    if abs(beside @ pull).max(initial=0.0) > _EXACT * size:
+        # Of coordinates that move alike but for what is demanded, some slip: friction goes along there, to its limits.
+        weight = np.sqrt(_DEPENDENT)
+        rows, right = np.vstack([rows, weight * beside]), np.append(right, -(beside @ pull) / weight)
+    least = np.linalg.lstsq(rows, right)[0]
+    share = (
+        least if (abs(least) <= bound).all() else lsq_linear(rows, right, (-bound, bound), "bvls", 1e-15).x
+    )
+    left, stays = matrix @ share + pull, abs(share) < bound * (1.0 - 1e-9)
+    wrong = float(np.where(stays, abs(left), np.maximum(left * np.sign(share), 0.0)).max()) / size
+    if wrong > _EXACT:
         raise ConvergenceError(
-            f"no dry friction of the joints at rest was found: {max(wrong):.3g} of the largest acceleration is left "
+            f"no dry friction of the joints at rest was found: {wrong:.3g} of the largest acceleration is left "
             "against it; are some frictions many orders of magnitude larger than others?",
-            residual=float(max(wrong)),
+            residual=wrong,
         )
-    return limits * np.clip(share, -1.0, 1.0)
+    return share * unit
