@@ -33,6 +33,7 @@ REFUSED = {
     "no mass": (mjcf('<body name="a"><joint/></body>'), "mass and inertia of moving bodies"),
     "two names": (mjcf(BOTH + BOTH), "repeated name 'arm'"),
     "not a number": (mjcf(BOTH.replace("0.5 0 0", "0 NaN 0")), r"pos of <body> \(line 1\) holds 'nan'"),
+    "no number of one word": (mjcf(BOTH, '<custom><numeric name="a" data="nan"/></custom>'), r"data of <numeric>"),
     "overflow": (mjcf(BOTH.replace("0.5 0 0", "0 1e40 0")), "'body_pos' that are not finite"),
     "deformable": (mjcf(body("hand", hinge("j") + BALL + CLOTH)), "<flexcomp>.*deformable"),
     "much cloth": (mjcf(BOTH + CLOTH.replace("3 3 1", "999 999 999")), "<flexcomp>.*few points"),
@@ -151,3 +152,11 @@ def test_nothing_is_written_beside_the_file(tmp_path: Path, monkeypatch: pytest.
     with pytest.raises(FileFormatError):
         read(tmp_path, BOTH.replace("0.5 0 0", "0 nan 0"))
     assert [path.name for path in tmp_path.iterdir()] == ["small.xml"]
+
+
+def test_names_may_be_nan(tmp_path: Path) -> None:
+    """A word that is no number is a name like any other, as MuJoCo has it."""
+    text = '<body name="nan"><joint name="NaN"/><geom name="-nan" size="0.1"/></body>'
+    motor = '<actuator><motor name="+nan" joint="NaN"/></actuator><custom><text name="platform" data="nan"/></custom>'
+    chain = stp.load(write(tmp_path, mjcf(text, motor)))
+    assert (chain.motors, chain.platform) == (("NaN",), "nan")

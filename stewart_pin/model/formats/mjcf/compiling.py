@@ -266,6 +266,15 @@ _MOST_CELLS = 4_000_000
 """Cells of a height field, which the compiler fills while it reads."""
 _MOST_FACETS = 200
 """Resolution of a mesh made from a formula; the time to compile one grows with its cube."""
+_NAMES = frozenset(
+    {
+        "name", "model", "class", "childclass", "prefix", "file", "body", "body1", "body2", "target", "joint", "joint1",
+        "joint2", "jointinparent", "site", "site1", "site2", "cranksite", "slidersite", "refsite", "sidesite", "geom",
+        "geom1", "geom2", "tendon", "tendon1", "tendon2", "actuator", "mesh", "hfield", "material", "texture",
+        "objname", "refname", "plugin", "instance",
+    }
+)  # fmt: skip
+"""Attributes of MJCF that hold names, in which ``nan`` is a word."""
 _DEFORMABLE = ("flex", "flexcomp")
 _UNUSED = (
     "sensors", "numerics", "texts", "tuples", "pairs", "excludes", "skins", "hfields", "textures", "materials",
@@ -465,7 +474,8 @@ class _Guard(ElementReader):
                 )
             self.elements += _points(element)
         for name, value in element.attrib.items():
-            if "nan" in value.lower().replace("+", "").replace("-", "").split():
+            is_name = name in _NAMES or (tag, name) == ("text", "data")
+            if not is_name and "nan" in value.lower().replace("+", "").replace("-", "").split():
                 raise self.error(
                     f"{name} of <{tag}> (line {line}) holds 'nan', which is no number", f"<{tag}>"
                 )
