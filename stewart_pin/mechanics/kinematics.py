@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal, overload
+from typing import Literal, get_args, overload
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import get_lapack_funcs
+from scipy.linalg import get_lapack_funcs, qr
 
 from stewart_pin.checks import as_array
-from stewart_pin.errors import ClosureError, SingularityError, UnreachableError
+from stewart_pin.errors import ClosureError, InputError, SingularityError, UnreachableError
 from stewart_pin.mechanics.forward_solutions import ForwardSolutions, all_forward_kinematics
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.configurations import as_pose
-from stewart_pin.state.freedom import TWIST_AXES, Motions, OwnMotion, split_motions
+from stewart_pin.state.freedom import TWIST_AXES, Motions, OwnMotion, TwistAxis, split_motions
 from stewart_pin.state.newton import Closure, close_loops
 from stewart_pin.state.paths import follow_path, motor_path, pose_path
 from stewart_pin.state.state import State, as_chain, as_state
@@ -25,6 +26,9 @@ from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 _getrf, _gecon, _lange, _getrs = get_lapack_funcs(("getrf", "gecon", "lange", "getrs"), dtype=np.float64)
 _CONSISTENT = 1e-8
 """Part of a demanded motion that may be left over by round-off, relative to its size."""
+PoseAxis = Literal["x", "y", "z", "roll", "pitch", "yaw"]
+POSE_AXES: tuple[PoseAxis, ...] = get_args(PoseAxis)
+"""Parts of a pose: of its origin in the world, and of its rotation about the world's axes."""
 _ALONG = 1e-6
 """Part of a twist beside an axis that is round-off of a configuration with closed loops, in natural units."""
 
@@ -70,6 +74,7 @@ def inverse_kinematics(
     chain: ClosedChain,
     pose: pin.SE3 | ArrayLike,
     *,
+    only: Sequence[PoseAxis] | None = None,
     q_guess: ArrayLike | None = None,
     limits: bool = True,
     throw: bool = True,
@@ -85,6 +90,11 @@ def inverse_kinematics(
         Closed chain.
     pose
         Platform frame in the world: a placement, x y z qx qy qz qw, or a matrix (4, 4) [m].
+    only
+        Which parts of the pose are asked for, the rest being left to the mechanism: ``x``, ``y``, ``z`` of its origin,
+        and ``roll``, ``pitch``, ``yaw``, components about the world's x, y and z of the rotation vector that is left
+        between the pose and the one reached; default: all. A platform of fewer freedoms meets all six only to the
+        digits of the pose and of its own geometry.
     q_guess
         (nq,) configuration to start from [m, rad, unit quaternions]; default: home.
     limits
@@ -110,11 +120,15 @@ def inverse_kinematics(
     any of them will do.
     """
     as_chain(chain)
-    pose = as_pose("pose", pose)
+    pose, axes = as_pose("pose", pose), _asked_for(only)
     start = _start(chain, q_guess)
-    closure = follow_path(start, pose_path(start, pose))
+    closure = follow_path(start, pose_path(start, pose, axes))
     if not closure.success and throw:
-        closure.or_raise(_said_of_platform(start))
+        try:
+            closure.or_raise(_said_of_platform(start))
+        except ClosureError as error:
+            error.args = (f"{error.args[0]}{_some_axes(start) if only is None else ''}", *error.args[1:])
+            raise
     return within_limits(closure, "the pose is", throw=throw, of_pose=True) if limits else closure
 
 
@@ -389,15 +403,42 @@ def _said_of_platform(state: State) -> str:
     return f"the pose{_freedoms_in_words(state)}"
 
 
+def _asked_for(only: Sequence[PoseAxis] | None) -> tuple[TwistAxis, ...]:
+    """Translate parts of a pose into components of a twist."""
+    if only is None:
+        return TWIST_AXES
+    names = (only,) if isinstance(only, str) else tuple(only)
+    if not names or any(name not in POSE_AXES for name in names):
+        raise InputError(f"only must name some of {', '.join(POSE_AXES)}, got {only!r}")
+    return tuple(axis for axis, name in zip(TWIST_AXES, POSE_AXES, strict=True) if name in names)
+
+
+def _some_axes(state: State) -> str:
+    """Say which parts of a pose tell the configuration of a platform that has fewer than six freedoms."""
+    count = state.chain.generic.count.platform
+    if not 0 < count < 6:
+        return ""
+    # Pivots of the directions in which it moves: the components that tell these apart best.
+    pivots = qr(_directions(state, count).T, mode="r", pivoting=True)[-1][:count]
+    names = tuple(POSE_AXES[k] for k in sorted(pivots))
+    return (
+        f"; if the pose is met but for digits, ask for as much of it as the platform may choose: only={names}"
+    )
+
+
+def _directions(state: State, count: int) -> FloatArray:
+    """(6, count) twists that the platform can do, orthonormal in natural units."""
+    sizes = state.chain.twist_sizes[:, None]
+    return split_motions((state.P * state.chain.tangent_scale / sizes) @ state.motions.basis, count).left
+
+
 def _freedoms_in_words(state: State) -> str:
     """Name the freedoms of a platform that has fewer than six."""
     count = state.chain.generic.count.platform
     if count == 6:
         return ""
-    split = split_motions(
-        (state.P * state.chain.tangent_scale / state.chain.twist_sizes[:, None]) @ state.motions.basis, count
-    )
-    along = [TWIST_AXES[k] for k in range(6) if 1 - np.linalg.norm(split.left[k]) < _ALONG]
+    left = _directions(state, count)
+    along = [TWIST_AXES[k] for k in range(6) if 1 - np.linalg.norm(left[k]) < _ALONG]
     axes = f" along {', '.join(along)}" if len(along) == count else ""
     return f" (the platform '{state.chain.platform}' has {count} freedom{'s' * (count != 1)}{axes})"
 
