@@ -18,7 +18,7 @@ from stewart_pin.state.outside import Wrenches, as_wrenches, with_outside
 from stewart_pin.state.relative_motion import LoopEnds
 from stewart_pin.state.row_derivatives import loop_wrench, reaction_forces
 from stewart_pin.state.state import State, as_state
-from stewart_pin.tolerances import TAKES_PART
+from stewart_pin.tolerances import NOTHING, TAKES_PART
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
 _BALANCE = 1e-6
@@ -84,8 +84,10 @@ def joint_reactions(
     Returns
     -------
     tuple of Reaction
-        The moving joints of the tree in the order of the model, then the loops. A motor's effort is the component of
-        its joint's wrench along the joint axis. Floating joints transmit nothing and are left out.
+        The moving joints of the tree in the order of the model, then the loops. Along the free axis of a joint stands
+        all that acts there: motor, gear, spring, damping and dry friction, less what its rotor takes. Dry friction of
+        joints at rest is what the effort leaves to it, the least where that is not determined. Floating joints are left
+        out where they transmit nothing.
 
     Raises
     ------
@@ -116,6 +118,16 @@ def joint_reactions(
     balance = unit * (balance - loops.efforts)
     carried = float(np.abs(balance).max(initial=0.0))
     balance[chain.motor_index] -= effort.tau_motor
+    own, effects = np.zeros((len(chain.loops), 6)), state.effects
+    if effects is not None:
+        balance -= effects.efforts(effort.a)
+        held = _held_friction(state, effort.a, balance)
+        balance -= held @ effects.rubbing.rows
+        own = effects.loop_wrenches(effort.a, held)
+        if own.any():
+            _, carried_by = _tree_balance(
+                state, data, effort.a, _with_loop_efforts(chain, data, forces, own / unit)
+            )
     size = max(carried, float(np.abs(effort.lambda_c).max(initial=0.0)) * chain.length_scale, _NO_LOAD * unit)
     if np.abs(balance).max(initial=0.0) > max(_BALANCE * size, 2 * effort.residual):
         worst = int(np.argmax(np.abs(balance)))
@@ -127,14 +139,52 @@ def joint_reactions(
     joints_unique, loops_unique = _uniqueness(state)
     reactions = []
     for number, name in enumerate(model.names):
-        if number == 0 or chain.mechanism.joint(name).kind is JointKind.FLOATING:
+        if number == 0 or (
+            chain.mechanism.joint(name).kind is JointKind.FLOATING and not _resists(state, number)
+        ):
             continue
         joint, placement = chain.mechanism.joint(name), data.oMi[number]
         force = pin.Force(unit * carried_by[number].vector)
         reactions.append(
             _reaction(name, joint.parent, joint.child, placement, force, unique=joints_unique[number])
         )
-    return (*reactions, *_loop_reactions(chain, data, effort, loops_unique))
+    return (*reactions, *_loop_reactions(chain, data, effort, own, loops_unique))
+
+
+def _resists(state: State, number: int) -> bool:
+    """Whether a joint has damping or dry friction."""
+    if state.effects is None:
+        return False
+    joint = state.chain.model.joints[number]
+    entries = slice(joint.idx_v, joint.idx_v + joint.nv)
+    return bool(state.effects.damping[entries].any() or state.effects.friction[entries].any())
+
+
+def _held_friction(state: State, a: Tangent, left: Tangent) -> FloatArray:
+    """Find the dry friction (k,) of coordinates that stay at rest, to which an effort leaves joint efforts (nv,)."""
+    assert state.effects is not None
+    rub, scale = state.effects.rubbing, state.chain.tangent_scale
+    friction, stays = np.zeros(len(rub.limits)), state.effects.directions(a) == 0
+    if stays.any():
+        limits = rub.limits[stays]
+        pushes = (limits[:, None] * rub.rows[stays] * scale).T
+        share = np.linalg.lstsq(pushes, left * scale, rcond=NOTHING)[0]
+        friction[stays] = limits * np.clip(share, -1.0, 1.0)  # what is beyond belongs to another state
+    return friction
+
+
+def _with_loop_efforts(
+    chain: ClosedChain, data: pin.Data, forces: pin.StdVec_Force, own: FloatArray
+) -> pin.StdVec_Force:
+    """Add what joints that close loops give, (loops, 6) on link 2 in frame 1, to forces on the joints of the tree."""
+    total = pin.StdVec_Force()
+    total.extend(forces)
+    for k, wrench in enumerate(own):
+        if wrench.any():
+            ends, force = LoopEnds(chain, data, k), pin.Force(wrench)
+            total[int(ends.joint2)] += ends.frame2.act(ends.placement.actInv(force))
+            total[int(ends.joint1)] -= ends.frame1.act(force)
+    return total
 
 
 def _tree_balance(
@@ -188,12 +238,12 @@ def _uniqueness(state: State) -> tuple[list[bool], list[bool]]:
 
 
 def _loop_reactions(
-    chain: ClosedChain, data: pin.Data, effort: Effort, unique: Sequence[bool]
+    chain: ClosedChain, data: pin.Data, effort: Effort, own: FloatArray, unique: Sequence[bool]
 ) -> list[Reaction]:
     reactions = []
     for k, loop in enumerate(chain.loops):
         ends = LoopEnds(chain, data, k)
-        wrench, _ = loop_wrench(chain, k, ends, ends.displacement(), effort.lambda_c)
+        wrench = loop_wrench(chain, k, ends, ends.displacement(), effort.lambda_c)[0] + own[k]
         # From the origin of frame 1 to that of frame 2.
         force, moment = wrench[:3], wrench[3:] - np.cross(ends.t, wrench[:3])
         frame1 = data.oMi[ends.joint1] * ends.frame1

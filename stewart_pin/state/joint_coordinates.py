@@ -259,6 +259,25 @@ class Coordinate:
         apart = self.owner.apart(placed, q)
         return self.owner.carried(placed, apart, *self._gradient(apart))
 
+    def wrench(self, placed: PlacedJoints, q: Configuration) -> FloatArray:
+        """Tell what a unit of effort along it does to frame 2.
+
+        Parameters
+        ----------
+        placed
+            Placements of the joints.
+        q
+            (nq,) the configuration they belong to [m, rad, unit quaternions].
+
+        Returns
+        -------
+        numpy.ndarray
+            (6,) [force; moment] at the origin of frame 1, in its axes [1, m].
+        """
+        apart = self.owner.apart(placed, q)
+        along, about = self._gradient(apart)
+        return np.concatenate([along, about + _cross(apart.translation, along)])
+
     def _value(self, apart: pin.SE3) -> float:
         rotation, t, a, b = apart.rotation, apart.translation, self.axis, self.axis2
         match self.coordinate:

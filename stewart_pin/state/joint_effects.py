@@ -125,22 +125,23 @@ class JointEffects:
         self.in_v = np.array([entries[joint.name].idx_v for joint in single], dtype=int)
         self.springs = _springs([joint.physics for joint in single])
         # Balls that are springs, and joints that close loops: coordinates that no configuration holds.
-        pairs: list[tuple[Coordinate, JointPhysics]] = []
+        pairs: list[tuple[Coordinate, JointPhysics, int]] = []
         for joint in own:
             if joint.kind is JointKind.SPHERICAL:
                 entry = entries[joint.name]
                 spring = JointPhysics(stiffness=joint.physics.stiffness)
                 turns = coordinates_of_ball(joint, entry.idx_q, entry.idx_v, TURNS)
-                pairs += [(each, spring) for each in turns]
+                pairs += [(each, spring, -1) for each in turns]
         for k, loop in enumerate(chain.loops):
             for word, physics in zip(physics_coordinates(loop.kind), loop.physics, strict=False):
                 words = TURNS if word == "turn" else (word,)
-                pairs += [(each, physics) for each in coordinates_of_loop(chain, k, words)]
-        pairs = [(each, physics) for each, physics in pairs if physics]
-        self.coordinates = tuple(each for each, _ in pairs)
-        self.own_springs = _springs([physics for _, physics in pairs])
-        self.own_damping = np.array([physics.damping for _, physics in pairs])
-        self.own_friction = np.array([physics.friction for _, physics in pairs])
+                pairs += [(each, physics, k) for each in coordinates_of_loop(chain, k, words)]
+        pairs = [(each, physics, k) for each, physics, k in pairs if physics]
+        self.coordinates = tuple(each for each, _, _ in pairs)
+        self.loops = tuple(k for _, _, k in pairs)  # of which loop each is; -1 of a ball of the tree
+        self.own_springs = _springs([physics for _, physics, _ in pairs])
+        self.own_damping = np.array([physics.damping for _, physics, _ in pairs])
+        self.own_friction = np.array([physics.friction for _, physics, _ in pairs])
         self.pushes = bool(self.in_v.size or self.coordinates)
         # Angles of loops are known up to whole turns: displacements are taken to the nearest.
         self.own_angles = np.array([each.is_angle for each in self.coordinates], dtype=bool)
@@ -304,6 +305,35 @@ class Effects:
         if not rub.limits.size:
             return self.smooth
         return self.smooth - (rub.limits * self.directions(a)) @ rub.rows
+
+    def loop_wrenches(self, a: Tangent, held: FloatArray) -> FloatArray:
+        """Tell what joints that close loops give, as wrenches.
+
+        Parameters
+        ----------
+        a
+            (nv,) acceleration [m/s², rad/s²].
+        held
+            (k,) friction of the coordinates of `rubbing` beside that of `efforts`: of those that it holds [N or N m].
+
+        Returns
+        -------
+        numpy.ndarray
+            (loops, 6) [force; moment] of each on link 2, at the origin of its frame 1 and in its axes [N, N m].
+        """
+        table, state = self._table, self._state
+        wrenches = np.zeros((len(state.chain.loops), 6))
+        if not table.coordinates:
+            return wrenches
+        given = table.own_springs.efforts(table.positions(state)) - table.own_damping * (self.rows @ state.v)
+        own = np.flatnonzero(table.own_friction)
+        if own.size:
+            rub = held - self.rubbing.limits * self.directions(a)
+            given[own] += rub[len(rub) - own.size :]
+        for each, loop, effort in zip(table.coordinates, table.loops, given, strict=True):
+            if loop >= 0:
+                wrenches[loop] += effort * each.wrench(state._placed, state.q)
+        return wrenches
 
     def directions(self, a: Tangent | None = None) -> FloatArray:
         """Tell where each coordinate with dry friction moves, or is about to: 1, -1, or 0 where it stays at rest.

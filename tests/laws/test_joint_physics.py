@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import stewart_pin as stp
-from tests.closed_states import KINDS, close, random_configuration, random_motion
+from stewart_pin.errors import InputError
+from stewart_pin.mechanics.constraint_matrix.system import assemble, tree_accelerations
+from tests.closed_states import KINDS, close, random_configuration, random_motion, robot
 from tests.joint_physics import physical
 from tests.zoo.table import ROBOTS
 
@@ -104,3 +108,48 @@ def test_articulated_bodies_agree(chain: stp.ClosedChain, rng: np.random.Generat
     if not chain.nc:
         three = stp.articulated_body_acceleration(chain, q, v, chain.motor_rows.T @ tau)
         close(three, one.a, 1e-9)
+
+
+@pytest.mark.parametrize("rest", [False, True])
+def test_reactions_accelerate_every_body(
+    chain: stp.ClosedChain, rng: np.random.Generator, *, rest: bool
+) -> None:
+    # Newton and Euler in the world, by the bodies of the constraint matrix without what joints do.
+    held(chain)
+    q, v, a = state_of(chain, rng, rest=rest)
+    effort = stp.inverse_dynamics(chain, q, v, a)
+    reactions = stp.joint_reactions(chain, q, v, effort)
+    bare = robot(chain.name)
+    assembled = assemble(bare, q, v, effort.a)
+    system, layout = assembled.system, assembled.topology
+    bodies = tree_accelerations(layout, assembled.freedoms, effort.a)
+    needed = dict(zip(system.bodies, (system.f_p + system.I @ bodies).reshape(-1, 6), strict=True))
+    found = {link.name: np.zeros(6) for link in chain.mechanism.links}
+    for each in reactions:
+        wrench = np.concatenate([each.force, each.moment + np.cross(each.point, each.force)])
+        found[each.target] += wrench
+        found[each.source] -= wrench
+    size = max(np.abs(wrench).max() for wrench in found.values())
+    carried = {joint.child: joint.parent for joint in chain.mechanism.joints if joint.kind == "fixed"}
+    for link in chain.mechanism.links:
+        bearer = link.name
+        while bearer in carried and bearer not in needed:
+            bearer = carried[bearer]
+        if bearer != link.name:
+            found[bearer] += found.pop(link.name)
+    for name, wrench in found.items():
+        if name != chain.mechanism.root:
+            assert wrench == pytest.approx(needed.get(name, np.zeros(6)), abs=1e-9 * size)
+
+
+def test_motors_may_leave_reactions_to_friction(rng: np.random.Generator) -> None:
+    chain = physical("stewart")
+    q = random_configuration(chain, rng)
+    effort = stp.inverse_dynamics(chain, q, chain.rest, chain.rest)
+    pushed = replace(effort, tau_motor=effort.tau_motor + 0.1)  # friction of the legs takes it
+    one, two = (stp.joint_reactions(chain, q, chain.rest, each) for each in (effort, pushed))
+    for a, b in zip(one, two, strict=True):
+        assert a.force == pytest.approx(b.force, rel=1e-9, abs=1e-9)
+    with pytest.raises(InputError, match="does not belong to this state"):
+        beyond = replace(effort, tau_motor=effort.tau_motor + 1e6)
+        stp.joint_reactions(chain, q, chain.rest, beyond)
