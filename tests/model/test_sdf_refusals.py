@@ -97,7 +97,9 @@ ODD = {
         "is static, so that its joints cannot move",
     ),
     "an odd flag": (sdf("<static>maybe</static>", A), "must be true or false, got 'maybe'"),
-    "a merged include": (sdf('<include merge="true"><uri>x.sdf</uri></include>'), "merges or changes the model"),
+    "an include with parameters": (
+        sdf("<include><uri>x.sdf</uri><experimental:params/></include>"), "changes the model of 'x.sdf'"
+    ),
     "an include by name": (
         sdf("<include><uri>model://arm</uri></include>"),
         "'model://arm' would be looked up in a simulator's model path; give the path",

@@ -42,7 +42,7 @@ from stewart_pin.model.formats.sdf.couplings import is_gearbox, read_gearbox, re
 from stewart_pin.model.formats.sdf.elements import SdfReader, held_model, own
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope
 from stewart_pin.model.formats.sdf.joints import Axis, SdfJoint, ends, link_pose, read_joint
-from stewart_pin.model.formats.sdf.models import open_document
+from stewart_pin.model.formats.sdf.models import MERGED, open_document
 from stewart_pin.model.formats.sdf.tree import Float, grow_tree
 from stewart_pin.model.formats.sdf.words import SHAPE_TAGS, WORDS
 from stewart_pin.model.formats.xml import INERTIA_ENTRIES, shown_tag
@@ -441,6 +441,8 @@ def _frames(scopes: list[Scope], poses: dict[str, pin.SE3]) -> tuple[list[Link],
     for scope in scopes:
         for element in scope.reader.children(scope.element, "frame"):
             written = scope.reader.name(element)
+            if written.startswith(MERGED):
+                continue
             name = scope.prefix + written
             owner = f"frame '{name}'"
             carrier = scope.body(written, owner)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -11,7 +12,7 @@ from lxml import etree
 from stewart_pin.errors import FileFormatError, StewartPinError, UnsupportedError
 from stewart_pin.model.description import Note, Outcome
 from stewart_pin.model.formats.sdf.elements import SdfReader, held_model, title, why_ignored
-from stewart_pin.model.formats.sdf.frames import Scope, check_names
+from stewart_pin.model.formats.sdf.frames import MODEL, Scope, check_names
 from stewart_pin.model.formats.sdf.words import WORDS
 from stewart_pin.model.formats.xml import ElementReader, read_xml, shown_tag
 
@@ -325,6 +326,9 @@ class _Opener:
             raise self._too_many(reader, element)
         name = reader.name(element)
         owner = f"model '{name}'"
+        for child in reader.children(element, "include"):
+            if reader.flag(child, "merge", owner, attribute=True):
+                self._merge(reader, child, version, owner)
         static = reader.flag(element, "static", owner) or (parent is not None and parent.static)
         frame = element.get("placement_frame", "")
         scope = Scope(reader, element, prefix, version, parent, placement_frame=frame, static=static)
@@ -360,23 +364,16 @@ class _Opener:
         """Take in the model of another file; the ``<include>`` may give it another name and place."""
         owner = f"<include> (line {element.sourceline}) of {parent.owner}"
         uri = reader.content(element, "uri", owner)
-        if reader.flag(element, "merge", owner, attribute=True) or reader.children(
-            element, "experimental:params"
-        ):
+        if reader.flag(element, "merge", owner, attribute=True):
             raise UnsupportedError(
-                f"{reader.path}: {owner} merges or changes the model of '{uri}'; put its elements into the file"
+                f"{reader.path}: {owner} merges the model of '{uri}' into a world, which has no links; let a <model> "
+                "include it"
             )
-        reader.note_strangers(element, owner, WORDS["include"])
-        inner, root, version = self._open(self.library.find(reader, uri, owner))
-        models = inner.children(root, "model")
-        if len(models) != 1:
-            raise inner.error(
-                f"the file is included by {reader.path}, and has {len(models)} <model>; keep one", uri
-            )
+        inner, model, version = self._included(reader, element, owner)
         given = reader.children(element, "name")
-        name = reader.content(element, "name", owner) if given else inner.name(models[0])
+        name = reader.content(element, "name", owner) if given else inner.name(model)
         inside = "" if alone else f"{prefix}{name}::"
-        scope = self._model(inner, models[0], version, parent, inside, depth)
+        scope = self._model(inner, model, version, parent, inside, depth)
         if reader.children(element, "static"):
             for part in scope.models():
                 part.static = reader.flag(element, "static", owner) or parent.static
@@ -385,6 +382,109 @@ class _Opener:
             if reader.children(element, "placement_frame"):
                 scope.placement_frame = reader.content(element, "placement_frame", owner)
         return scope
+
+    def _included(
+        self, reader: SdfReader, element: etree._Element, owner: str
+    ) -> tuple[SdfReader, etree._Element, tuple[int, ...]]:
+        """Open the one model of the file that an ``<include>`` names."""
+        uri = reader.content(element, "uri", owner)
+        if reader.children(element, "experimental:params"):
+            raise UnsupportedError(
+                f"{reader.path}: {owner} changes the model of '{uri}'; put its elements into the file"
+            )
+        reader.note_strangers(element, owner, WORDS["include"])
+        inner, root, version = self._open(self.library.find(reader, uri, owner))
+        models = inner.children(root, "model")
+        if len(models) != 1:
+            raise inner.error(
+                f"the file is included by {reader.path}, and has {len(models)} <model>; keep one", uri
+            )
+        return inner, models[0], version
+
+    def _merge(
+        self, reader: SdfReader, element: etree._Element, version: tuple[int, ...], model: str
+    ) -> None:
+        """Put the elements of an included model in the place of its ``<include>``; a frame stands for the model's own.
+
+        The rules are those of libsdformat: what stands in the frame of the model, or names it, stands in that frame.
+        """
+        owner = f"<include merge='true'> (line {element.sourceline}) of {model}"
+        inner, included, inner_version = self._included(reader, element, owner)
+        uri = reader.content(element, "uri", owner)
+        fault = ""
+        if min(version, inner_version) < _MERGING:
+            fault = "one of both files is older than version 1.7, before which frames meant something else"
+        elif inner.children(included, "include"):
+            fault = "it includes other models itself"
+        elif included.get("placement_frame") or reader.children(element, "placement_frame"):
+            fault = "it is placed by a placement_frame"
+        if fault:
+            raise UnsupportedError(
+                f"{reader.path}: {owner} cannot merge the model of '{uri}': {fault}; put its elements into the file, "
+                "or include it without merge"
+            )
+        given = reader.children(element, "name")
+        name = reader.content(element, "name", owner) if given else inner.name(included)
+        proxy = f"{MERGED}{name}__model__"
+        links = [inner.name(link) for link in inner.children(included, "link")]
+        carrier = included.get("canonical_link") or next(iter(links), "")
+        if not carrier:
+            raise inner.error(
+                f"model '{name}' is merged into {model}, and has no <link>; include it without merge", name
+            )
+        frame = etree.Element("frame", name=proxy, attached_to=carrier)
+        placed = reader.optional(element, "pose", owner)
+        pose = deepcopy(inner.optional(included, "pose", owner) if placed is None else placed)
+        pose = etree.Element("pose") if pose is None else pose
+        if not pose.get("relative_to"):
+            pose.set("relative_to", MODEL)
+        frame.append(pose)
+        merged = [deepcopy(child) for child in included.iterchildren(etree.Element)]
+        merged = [child for child in merged if shown_tag(child) in _MERGED_TAGS or ":" in shown_tag(child)]
+        for child in merged:
+            _refer_to(child, proxy)
+        folder = Path(inner.path).resolve().parent
+        for mesh in (uri for child in merged for uri in child.iterfind(".//mesh/uri")):
+            text = (mesh.text or "").strip()
+            mesh.text = text if "://" in text else str(folder / text)
+        if any(reader.flag(each, "static", owner) for each in (element, included)):
+            reader.note(owner, "<static>: left out of a merged model, as libsdformat does")
+        text = f"the links, joints and frames of '{uri}' are merged into the model"
+        reader.note(owner, text, Outcome.KEPT)
+        parent = element.getparent()
+        assert parent is not None
+        at = parent.index(element)
+        parent.remove(element)
+        for child in reversed([frame, *merged]):
+            parent.insert(at, child)
+
+
+MERGED = "_merged__"
+"""How the name of a frame begins that stands for that of a merged model."""
+_MERGING = (1, 7)
+"""Version from which on frames have names, and axes stand in that of their joint."""
+_MERGED_TAGS = ("link", "joint", "frame", "model", "gripper", "plugin")
+
+
+def _refer_to(element: etree._Element, proxy: str) -> None:
+    """Let an element of a merged model refer to the frame that stands for the model's."""
+
+    def renamed(holder: etree._Element | None, attribute: str, *, always: bool = False) -> None:
+        if holder is not None and holder.get(attribute, "") in (MODEL, *([""] if always else [])):
+            holder.set(attribute, proxy)
+
+    tag = shown_tag(element)
+    if tag in ("link", "model") and element.find("pose") is None:
+        etree.SubElement(element, "pose")
+    renamed(element.find("pose"), "relative_to", always=tag in ("link", "model"))
+    if tag == "frame":
+        renamed(element, "attached_to", always=True)
+    if tag == "joint":
+        for end in (element.find("parent"), element.find("child")):
+            if end is not None and (end.text or "").strip() == MODEL:
+                end.text = proxy
+        for axis in ("axis/xyz", "axis2/xyz"):
+            renamed(element.find(axis), "expressed_in")
 
 
 _NOTED = {
