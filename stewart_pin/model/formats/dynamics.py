@@ -258,7 +258,11 @@ def note_unheard(
     """
     notes: list[Note] = []
     for joint in mechanism.joints:
-        known = {*heard, *(("armature",) if joint.name in but else ())}
+        # A joint of six freedoms is one for itself everywhere else, whatever stands in it.
+        known = {
+            *(heard if joint.kind is not JointKind.FLOATING else ()),
+            *(("armature",) if joint.name in but else ()),
+        }
         rest = replace(joint.physics, **{key: getattr(NO_PHYSICS, key) for key in known})
         if rest:
             text = f"{rest}: in attributes of <dynamics> that {software} passes over"
