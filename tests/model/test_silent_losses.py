@@ -29,8 +29,10 @@ from tests.model.small_dialects import (
     square,
     transmission,
 )
-from tests.small_sdf import TREES
-from tests.small_urdf import ARM, AXIS_Z, MOTOR, bundled, joint, link, robot, write
+from tests.small_sdf import TREES, sdf
+from tests.small_sdf import joint as sdf_joint
+from tests.small_sdf import link as sdf_link
+from tests.small_urdf import ARM, AXIS_Z, MOTOR, bundled, joint, link, loop, robot, write
 
 LIMITS = "<limit><lower>-1</lower><upper>1</upper><velocity>3</velocity></limit>"
 CONTROL = (
@@ -44,6 +46,16 @@ WORLD = (
     '<physics name="second" default="1"><gravity>0 0 -3</gravity></physics>'
 )
 FOLLOWER = (link("s"), joint("follow", "base", "s"))
+DYNAMICS = '<dynamics armature="0.1" damping="0.5" friction="0.2" stiffness="3 4" rest="0.2" force="7"/>'
+UNIVERSAL = loop(
+    "cross", "universal", "platform", "rocker", origin1='xyz="1 0 0"', origin2='xyz="1 0 0"',
+    content='<axis xyz="1 0 0"/><axis2 xyz="0 1 0"/><dynamics coordinate="angle 2" damping="3"/>',
+)  # fmt: skip
+SDF_DYNAMICS = (
+    "<dynamics><damping>0.5</damping><friction>0.2</friction><spring_stiffness>9</spring_stiffness>"
+    "<spring_reference>0.3</spring_reference></dynamics>"
+)
+SDF_ROTOR = "<drake:rotor_inertia>0.01</drake:rotor_inertia><drake:gear_ratio>3</drake:gear_ratio>"
 SAMPLES: dict[str, tuple[str, str]] = {
     **{kind: (square(text), ".urdf") for kind, text in BALLS.items()},
     **{f"{kind} hinge": (square(text), ".urdf") for kind, text in HINGES.items()},
@@ -64,6 +76,25 @@ SAMPLES: dict[str, tuple[str, str]] = {
             "screw": f'{AXIS_Z}<drake:screw_thread_pitch value="0.2"/>',
         }.items()
     },
+    "physics": (
+        robot(
+            *ARM[:4], joint("elbow", "arm", "platform", "continuous", content=DYNAMICS), transmission("shoulder"),
+            '<gazebo reference="shoulder"><springStiffness>9</springStiffness><springReference value="0.2"/></gazebo>',
+            attributes='xmlns:drake="d"',
+        ), ".urdf",
+    ),
+    "physics of loops": (
+        square(HINGE.replace("</loop>", DYNAMICS.replace(' armature="0.1"', "") + "</loop>"), UNIVERSAL), ".urdf",
+    ),
+    "sdf, physics": (
+        sdf(
+            *(sdf_link(name) for name in "abc"), sdf_joint("j", "world", "a", axis=SDF_DYNAMICS, content=SDF_ROTOR),
+            sdf_joint("ball", "world", "c", "ball", xyz="",
+                      content="<axis><dynamics><damping>0.3</damping></dynamics></axis>"),
+            '<drake:joint name="plane" type="planar"><drake:parent>a</drake:parent><drake:child>b</drake:child>'
+            "<drake:damping>0.1 0.2 0.5</drake:damping></drake:joint>",
+        ).replace("<sdf ", '<sdf xmlns:drake="drake.mit.edu" '), ".sdf",
+    ),
     **{f"sdf, {kind}": (text, ".sdf") for kind, text in TREES.items()},
     **{f"sdf, {kind}": (sdf_reading.four_bar(text)[0], ".sdf") for kind, (text, _) in sdf_reading.CLOSINGS.items()},
     "sdf, gears": (etree.tostring(test_sdf_fuzz.BAR, encoding="unicode"), ".sdf"),
