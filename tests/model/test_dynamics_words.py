@@ -249,6 +249,18 @@ def test_drakes_axes_in_a_plane_are_not_guessed(tmp_path: Path) -> None:
     assert [each.physics.damping for each in made.joints] == [1, 1, 3]
 
 
+def test_springs_between_points_are_told_with_their_numbers(tmp_path: Path) -> None:
+    numbers = {"stiffness": "700", "damping": "3", "free_length": "0.4"}
+    for suffix, text in (("", '<{0} value="{1}"/>'), ("s", "<{0}>{1}</{0}>")):
+        inner = "".join(
+            text.format(f"drake:linear_spring_damper_{key}", value) for key, value in numbers.items()
+        )
+        spring = f"<drake:linear_spring_damper>{inner}</drake:linear_spring_damper>"
+        made = read(tmp_path, sdf_link("a"), spring) if suffix else urdf(tmp_path, *ARM, spring)
+        (told,) = (note.text for note in made.notes if "spring" in note.text + note.subject)
+        assert "which no joint is; a joint may have one (stiffness 700, damping 3, free_length 0.4)" in told
+
+
 # ----------------------------------------------------------------------------------------------------
 # SDFormat
 # ----------------------------------------------------------------------------------------------------

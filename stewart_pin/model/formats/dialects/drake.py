@@ -3,8 +3,10 @@
 A ball constraint holds point P of body A at point Q of body B; it has no name, and gets one from its bodies unless an
 attribute ``name`` gives it. Drake's universal joint turns about x of its frame, then about y; its screw advances by
 ``<drake:screw_thread_pitch>`` per turn, right-handed; its planar joint moves across ``<axis>``. Drake reads ``<mimic>``
-too. Springs are forces, left out and noted. A bushing, whose springs hold two frames together, stands for the joint
-with the freedoms that they leave, and is taken for it, as if they were rigid.
+too. Of ``<dynamics>`` it reads the damping, of a planar joint three, and no friction; a motor's rotor stands in its
+``<transmission>``, and counts by the square of the gear ratio. Springs between points are left out and noted. A
+bushing, whose springs hold two frames together, stands for the joint with the freedoms that they leave, and is taken
+for it, as if they were rigid.
 
 References
 ----------
@@ -196,9 +198,13 @@ def _frame(reader: UrdfElements, end: etree._Element, owner: str) -> tuple[str, 
 
 
 def _note_spring(reader: UrdfElements, element: etree._Element) -> Parts:
-    return Parts(
-        notes=(Note(f"<{shown_tag(element)}>", "springs and dampers are arguments of the simulation"),)
+    """Tell a spring between two points of links, which is no joint's: with its numbers, as it pushes in Drake."""
+    told = ", ".join(
+        f"{shown_tag(each).rpartition('damper_')[2]} {each.get('value') or each.get('name')}"
+        for each in element.iterchildren(etree.Element)
     )
+    text = f"left out: a spring between points of two links, which no joint is; a joint may have one ({told})"
+    return Parts(notes=(Note(f"<{shown_tag(element)}>", text),))
 
 
 def write_drake(mechanism: Mechanism, path: Path) -> tuple[Note, ...]:

@@ -192,7 +192,7 @@ _URDFDOM = Dialect("urdfdom", "urdfdom <constraint>", {"robot/constraint": _read
 
 _NOT_DRIVEN = ("PassiveJointInterface", "JointStateInterface")
 _ROTOR = ("drake:rotor_inertia", "drake:gear_ratio")
-_GEARS = "gears of motors are arguments of the simulation"
+_GEARS = "efforts and speeds of motors are those of their joints here, behind the gears"
 _HARDWARE = "settings of the hardware"
 _INSIDE = {
     **dict.fromkeys(("mechanicalReduction", "motorTorqueConstant", "offset"), _GEARS), "role": "told by its joints",

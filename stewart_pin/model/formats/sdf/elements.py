@@ -45,7 +45,7 @@ _HARMLESS = {
     "drake:collision_filter_group": "collision settings",
     "drake:controller_gains": "controller settings",
     "drake:damping": "Drake reads it in its planar joint alone",
-    "drake:linear_spring_damper": "springs between two points of links; a joint may have one",
+    "drake:linear_spring_damper": "a spring between points of two links, which no joint is; a joint may have one",
 }
 _BINDING_PLUGINS = ("mimic", "detachable", "attach", "gearbox", "constraint", "closed", "loop")
 
@@ -115,6 +115,10 @@ def why_ignored(reader: ElementReader, element: etree._Element, owner: str) -> s
         If the tag, or one inside it, could change the mechanism.
     """
     tag = shown_tag(element)
+    if tag == "drake:linear_spring_damper":
+        inner = [(shown_tag(each), (each.text or "").strip()) for each in element.iterchildren(etree.Element)]
+        told = ", ".join(f"{name.rpartition('damper_')[2]} {text}" for name, text in inner)
+        return f"{_HARMLESS[tag]} ({told})"
     if tag != "plugin":
         return _HARMLESS.get(tag) or reason_to_ignore(reader, element, owner)
     if held_model(element) is not None:
