@@ -82,8 +82,10 @@ class Page:
         self._put_up(load("stewart") if chain is None else chain)
         self._thread = threading.Thread(target=self._work, name="stewart_pin viewer", daemon=True)
         self._thread.start()
+        self._player = threading.Thread(target=self._play, name="stewart_pin player", daemon=True)
         if recording is not None:
-            threading.Thread(target=self._play, name="stewart_pin player", daemon=True).start()
+            self._player.start()
+        server.on_client_disconnect(self._let_go)
 
     # -- what is asked for ----------------------------------------------------------------------------------------
 
@@ -118,11 +120,13 @@ class Page:
             return self._wake.wait_for(lambda: not (self._requests or self._busy), timeout)
 
     def end(self) -> None:
-        """Stop meeting demands."""
+        """Stop meeting demands, and playing."""
         with self._wake:
             self._ended = True
             self._wake.notify_all()
-        self._thread.join(timeout=5.0)
+        for thread in (self._thread, self._player):
+            if thread.is_alive():
+                thread.join(timeout=5.0)
 
     def _work(self) -> None:
         while True:
@@ -203,7 +207,10 @@ class Page:
     def _load(self, name: str) -> None:
         # A page may send anything, a path to some file as well.
         if self._menu is not None and name in self._menu:
-            self._put_up(load(name))
+            chain = load(name)
+            with self._wake:
+                self._requests.clear()  # demands on the robot that goes
+            self._put_up(chain)
 
     def _go(self, where: str) -> Step:
         return Step(self.chain.home_state()) if where == "home" else random_reachable(self.hand, self._rng)
@@ -258,7 +265,9 @@ class Page:
             for grip in grips:
                 key = f"platform {grip.name}"
                 slider = self._slider(_NAMES[grip.name], key, grip)  # type: ignore[index]
-                slider.on_update(lambda event, key=key: event.client and self.ask(key, self._to_sliders))
+                slider.on_update(
+                    lambda event, key=key: event.client and self.ask(key, lambda: self._to_coordinate(key))
+                )
         axes = {grip.name for grip in grips}
         self._gizmo = self.server.scene.add_transform_controls(
             "/gizmo",
@@ -267,7 +276,7 @@ class Page:
             disable_rotations=not axes & set(TWIST_AXES[3:]),
             depth_test=False,
         )
-        self._dragging = False
+        self._dragging: int | None = None
         self._gizmo.on_update(self._on_gizmo)
 
     def _build_load(self) -> None:
@@ -302,12 +311,16 @@ class Page:
     def _slider(self, label: str, key: str, grip: Grip) -> Any:
         low, high = (float(x if grip.is_length else np.degrees(x)) for x in (grip.low, grip.high))
         digits = int(4 - np.floor(np.log10(high - low))) if high > low else 6
+        first, last = _rounded(low, digits - 2, np.ceil), _rounded(high, digits - 2, np.floor)
+        if not first < last:  # limits that meet, or differ by less than the digits before them can tell
+            first, last = low, max(high, low + 10.0**-digits, float(np.nextafter(low, np.inf)))
         slider = self.server.gui.add_slider(
             f"{label} [{'m' if grip.is_length else '°'}]",
-            min=_rounded(low, digits - 2, np.ceil),
-            max=max(_rounded(high, digits - 2, np.floor), low + 10.0**-digits),
+            min=first,
+            max=last,
             step=10.0**-digits,
-            initial_value=_rounded(low, digits - 2, np.ceil),
+            initial_value=first,
+            disabled=not high > low,  # limits that meet leave it nowhere to go
         )
         self._sliders[key] = slider, grip
         return slider
@@ -323,14 +336,13 @@ class Page:
 
     # -- from controls to demands ---------------------------------------------------------------------------------
 
-    def _to_sliders(self) -> Step:
-        """Take the platform where its sliders stand."""
+    def _to_coordinate(self, key: str) -> Step:
+        """Take the platform where one of its sliders stands; its other coordinates stay as they are."""
+        slider, grip = self._sliders[key]
         at = self.shown.state.pose
         values = np.concatenate([at.translation, pin.rpy.matrixToRpy(at.rotation)])
-        for grip in self.hand.platform:
-            slider = self._sliders[f"platform {grip.name}"][0]
-            values[TWIST_AXES.index(grip.name)] = slider.value if grip.is_length else np.radians(slider.value)  # type: ignore[arg-type]
-        values = as_array("values of the sliders", values, (6,))
+        values[TWIST_AXES.index(grip.name)] = slider.value if grip.is_length else np.radians(slider.value)  # type: ignore[arg-type]
+        values = as_array("value of the slider", values, (6,))
         return move_platform(
             self.hand, self.shown.state, pin.SE3(pin.rpy.rpyToMatrix(values[3:]), values[:3])
         )
@@ -341,12 +353,17 @@ class Page:
         return move_joint(self.hand, self.shown.state, name, float(value))
 
     def _on_gizmo(self, event: Any) -> None:
-        self._dragging = event.phase != "end"
+        self._dragging = None if event.phase == "end" else event.client_id
         w, *xyz = np.asarray(event.target.wxyz) / (np.linalg.norm(event.target.wxyz) or 1.0)
         at = np.array([*event.target.position, *xyz, w])
         self.ask(
             "gizmo", lambda: move_platform(self.hand, self.shown.state, as_pose("pose of the gizmo", at))
         )
+
+    def _let_go(self, client: Any) -> None:
+        """Let go of the gizmo for a page that was closed while it held it."""
+        if self.hand.platform and self._dragging == client.client_id:
+            self._dragging = None
 
     def _save_picture(self, event: Any) -> None:
         if event.client is not None:
@@ -398,8 +415,14 @@ class Page:
                 value = (
                     float(state.q[joint.idx_q]) if grip.is_length else np.degrees(float(state.q[joint.idx_q]))
                 )
+            # Ends are rounded inwards. What is really beyond, as an angle after whole turns, is shown all the same.
+            coarse = round(-np.log10(slider.step)) - 2
+            if value < slider.min - 10.0**-coarse:
+                slider.min = _rounded(value, coarse, np.floor)
+            elif value > slider.max + 10.0**-coarse:
+                slider.max = _rounded(value, coarse, np.ceil)
             slider.value = float(np.clip(value, slider.min, slider.max))
-        if self.hand.platform and readings.pose is not None and not self._dragging:
+        if self.hand.platform and readings.pose is not None and self._dragging is None:
             self._gizmo.position = np.array(readings.pose.translation)
             turn = pin.Quaternion(readings.pose.rotation)
             self._gizmo.wxyz = np.array([turn.w, turn.x, turn.y, turn.z])

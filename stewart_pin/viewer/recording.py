@@ -14,6 +14,7 @@ from stewart_pin.motion.motor_demand import MotorDemand
 from stewart_pin.motion.simulation.record import Simulation
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import as_wrenches
 from stewart_pin.state.state import State
 from stewart_pin.typing import FloatArray
 
@@ -95,9 +96,14 @@ def record(chain: ClosedChain, motion: Motion) -> Recording:
         joints = joint_motion(chain, samples, rates=True)
         assert joints.v is not None
         assert joints.a is not None
-        rows = zip(joints.q, joints.v, joints.a, strict=True)
-        efforts = [motor_efforts(State(chain, q, v), a) for q, v, a in rows] if chain.nu else []
-        recording = Recording(samples.time, joints.q, joints.v, np.reshape(efforts, (len(samples), chain.nu)))
+        acting = motion.wrenches if isinstance(motion, MotorDemand) else None
+        efforts = np.empty((len(samples), chain.nu))
+        for k, (q, v, a) in enumerate(zip(joints.q, joints.v, joints.a, strict=True)):
+            # By name: a demand may be one of another chain, with other numbers of joints.
+            outside = None if acting is None else as_wrenches(chain, acting.at(k).by_link())
+            if chain.nu:
+                efforts[k] = motor_efforts(State(chain, q, v), a, outside)
+        recording = Recording(samples.time, joints.q, joints.v, efforts)
     else:
         raise InputError(
             "motion must be a motion of the platform (PlatformSamples), a MotorDemand or a Simulation, got "

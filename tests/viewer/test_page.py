@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import threading
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.viewer.steering import Step, move_joint
+from stewart_pin.viewer.steering import Step, move_joint, move_platform
+from tests.small_urdf import ARM, MOTOR, home, joint
+from tests.small_urdf import robot as robot_text
 
 pytest.importorskip("viser", reason="viser is not installed")
 
@@ -42,8 +47,8 @@ def test_what_cannot_be_met_is_told_and_the_slider_goes_back(viewer):
     np.testing.assert_array_equal(viewer.state.q, viewer.chain.q_home)
     assert "leg1" in page._message.content
     page._sliders["platform vz"][0].value = 1.3
-    page.ask("platform vz", page._to_sliders)
-    page.ask("platform vx", page._to_sliders)
+    page.ask("platform vz", lambda: page._to_coordinate("platform vz"))
+    page.ask("platform vx", lambda: page._to_coordinate("platform vx"))
     assert page.settle()
     assert stp.limits_exceeded(viewer.state) == ()
 
@@ -152,13 +157,106 @@ def test_a_simulation_is_played():
 def test_what_a_page_sends_is_not_trusted(viewer, tmp_path):
     page = viewer.page
     page._sliders["platform vx"][0].value = float("nan")
-    page.ask("platform vx", page._to_sliders)
+    page.ask("platform vx", lambda: page._to_coordinate("platform vx"))
     assert page.settle()
     np.testing.assert_array_equal(viewer.state.q, viewer.chain.q_home)
-    assert "values of the sliders" in page._message.content
+    assert "value of the slider" in page._message.content
     with stp.view() as other:
         path = tmp_path / "robot.urdf"
         stp.write_urdf(stp.load("delta"), path)
         other.page.ask("robot", lambda: other.page._load(str(path)))
         assert other.page.settle()
         assert other.chain.name == "stewart"
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+@pytest.mark.parametrize(
+    "limits", [(0.12345, 0.12345), (0.0, 0.0), (0.123451, 0.1234512), (1000.12345, 1000.12346), (-1e30, 1e30)]
+)
+def test_limits_of_any_width_have_a_slider(kind: str, limits: tuple[float, float], tmp_path: Path):
+    low, high = limits
+    middle = (low + high) / 2
+    file = tmp_path / "stiff.urdf"
+    limit = f'<limit lower="{low!r}" upper="{high!r}" effort="1" velocity="1"/>'
+    first = joint("first", "base", "arm", kind, attributes=MOTOR, content=limit)
+    file.write_text(robot_text(*ARM[:3], first, ARM[4], home(first=repr(middle))))
+    with stp.view(stp.load(file)) as viewer:
+        slider, grip = viewer.page._sliders["joint first"]
+        unit = 1.0 if grip.is_length else 180 / np.pi
+        assert slider.min < slider.max
+        assert slider.value == pytest.approx(middle * unit, rel=1e-12)
+        assert slider.disabled == (low == high)
+
+
+def test_a_slider_of_the_platform_leaves_its_other_coordinates(viewer):
+    """Beyond the reach of its slider, too, where that would pull it back."""
+    page = viewer.page
+    far = pin.SE3(np.eye(3), np.array([0.4, 0.0, 0.9]))
+    page.ask("gizmo", lambda: move_platform(page.hand, viewer.state, far))
+    assert page.settle()
+    assert page._sliders["platform vx"][0].value == pytest.approx(0.4)
+    page._sliders["platform vx"][0].value = 0.1  # what it would show if it ended there
+    page._sliders["platform vz"][0].value = 0.95
+    page.ask("platform vz", lambda: page._to_coordinate("platform vz"))
+    assert page.settle()
+    np.testing.assert_allclose(viewer.state.pose.translation, [0.4, 0.0, 0.95], atol=1e-9)
+
+
+def test_whole_turns_are_shown():
+    with stp.view(stp.load("arm_3r_spatial")) as viewer:
+        page, chain = viewer.page, viewer.chain
+        page.ask("test", lambda: Step(stp.State(chain, chain.q_home + np.array([0.0, 4.5, -7.5]))))
+        assert page.settle()
+        for name, at in zip(chain.motors, viewer.state.q, strict=True):
+            assert page._sliders[f"joint {name}"][0].value == pytest.approx(np.degrees(at), rel=1e-12)
+
+
+def test_a_demand_under_wrenches_is_played_with_its_efforts():
+    chain = stp.load("stewart")
+    wrenches = {"platform": [0.0, 0.0, -300.0, 0.0, 0.0, 20.0], "leg2_upper": [10.0, 0.0, 0.0, 0.0, 0.0, 0.0]}
+    demand = stp.motor_demand(chain, motion(chain, 5), wrenches=wrenches)
+    with stp.view(chain, motion=demand) as viewer:
+        recording = viewer.page._recording
+        assert recording is not None
+        np.testing.assert_allclose(recording.tau_motor, demand.efforts, rtol=1e-8)
+
+
+def test_a_page_that_is_closed_lets_go_of_the_gizmo(viewer):
+    page = viewer.page
+    at = SimpleNamespace(wxyz=[1.0, 0.0, 0.0, 0.0], position=[0.0, 0.0, 1.05])
+    page._gizmo.position = np.array(at.position)
+    page._on_gizmo(SimpleNamespace(phase="update", client_id=7, target=at))
+    assert page.settle()
+    page._let_go(SimpleNamespace(client_id=8))
+    page.ask("button", lambda: page._go("home"))
+    assert page.settle()
+    assert page._gizmo.position[2] != pytest.approx(1.0)  # page 7 still has it
+    page._let_go(SimpleNamespace(client_id=7))
+    page.ask("button", lambda: page._go("home"))
+    assert page.settle()
+    np.testing.assert_allclose(page._gizmo.position, [0.0, 0.0, 1.0])
+
+
+def test_closing_ends_a_motion_that_plays():
+    chain = stp.load("stewart")
+    with stp.view(chain, motion=motion(chain, 7)) as viewer:
+        viewer.page._playing.value = True
+    assert not viewer.page._player.is_alive()
+
+
+def test_demands_on_a_robot_end_with_it():
+    with stp.view() as viewer:
+        page, begun, go_on = viewer.page, threading.Event(), threading.Event()
+
+        def wait() -> None:
+            begun.set()
+            go_on.wait(5)
+
+        page.ask("first", wait)
+        assert begun.wait(5)
+        page.ask("robot", lambda: page._load("delta"))
+        page.ask("joint leg1", lambda: page._to_joint("joint leg1", "leg1"))
+        go_on.set()
+        assert page.settle()
+        assert viewer.chain.name == "delta"
+        assert page._message.content == ""
