@@ -30,6 +30,8 @@ _JUMP = 1e-6
 """The same at the start of a step, where an effort may have jumped; and what the limit is lessened by to see which way
 it goes, where friction stands at its limit."""
 _HALVINGS = 60
+_BESIDE = np.array([1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9])
+"""Parts of a stretch by which one looks beside a root for the other side of it."""
 
 
 class FrictionMemory(NamedTuple):
@@ -483,9 +485,9 @@ def first_change(
     Returns
     -------
     s : float
-        Time from its start [s]; zero where the margin is there from the start.
+        Time from its start, just after the change [s]; zero where the margin has run out from the start.
     reached
-        What is reached then.
+        What is reached just before it.
     """
     upper, lower = h, 0.0
     for _ in range(_HALVINGS):
@@ -497,7 +499,21 @@ def first_change(
     if not lower:
         return 0.0, reach(0.0)
     found: Any = brentq(lambda s: margin(s, reach(s)), lower, upper, xtol=4 * EPS * h)
-    root = float(found)
+    root, beyond = float(found), float(found)
+    reached = reach(root)
+    # What is reached just before, and the time just after: where an effort jumps, as that of a controller that reckons
+    # with friction, the stretch before sees none of what is beyond, nor the next one of what was before.
+    inside = margin(root, reached) > 0.0
+    for step in _BESIDE * h:
+        if inside:
+            beyond = min(root + step, upper)
+            if margin(beyond, reach(beyond)) <= 0.0:
+                return beyond, reached
+        else:
+            before = max(root - step, lower)
+            reached = reach(before)
+            if margin(before, reached) > 0.0:
+                return root, reached
     return root, reach(root)
 
 

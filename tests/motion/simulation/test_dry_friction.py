@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -251,3 +252,36 @@ def test_a_ball_stuck_about_one_axis_needs_fixed_steps(rng: np.random.Generator)
     np.testing.assert_allclose(run.v[:, 3], np.maximum(3.0 - 2.0 * run.time, 0.0), rtol=0, atol=1e-12)
     with pytest.raises(stp.errors.UnsupportedError, match=r"some axes alone.*method='fixed'"):
         stp.simulate(chain, chain.q_home, v, duration=0.1, dt=0.05, method="RK45")
+
+
+TRACKED = {
+    "sled": ("slide",),
+    "stewart": ("leg1", "leg2", "leg3", "leg4", "leg5", "leg6", "leg2_x"),
+}
+
+
+@pytest.mark.parametrize("name", ["sled", pytest.param("stewart", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("controller", ["ComputedTorque", "Feedforward"])
+def test_a_controller_that_knows_springs_and_friction_follows_without_error(
+    controller: str, name: str
+) -> None:
+    # Its efforts jump where the motion turns, which neither side of the jump may see of the other.
+    own = {"friction": 5.0, "damping": 20.0, "stiffness": 300.0, "rest": 0.8, "armature": 2.0}
+    bare = sled() if name == "sled" else robot(name)
+    chain = stp.with_joint_physics(bare, dict.fromkeys(TRACKED[name], own))
+    home = stp.platform_pose(chain, chain.q_home)
+    amplitude = (0.03, 0.0, 0.0) if name == "sled" else (0.03, 0.02, 0.02)
+    reference = partial(
+        stp.motions.sinusoidal_motion, home=home, amplitude=amplitude, frequency=(1.0, 0.7, 1.3)
+    )
+    start = reference(np.zeros(1))
+    state = stp.platform_motion(chain, start.pose(0), start.twist[0], start.acceleration[0])
+    follow = getattr(stp.control, controller)(chain, reference)
+    off = []
+    for dt in (0.02, 0.01):
+        run = stp.simulate(chain, state.q, state.v, follow, duration=0.4, dt=dt)
+        assert run.success, run.reason
+        off.append(np.abs(run.platform.position - reference(run.time).position).max())
+        assert run.audit.by_friction[-1] > 0.1
+    assert off[1] < off[0] / 10
+    assert off[1] < 1e-6
