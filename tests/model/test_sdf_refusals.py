@@ -55,6 +55,10 @@ ODD = {
         sdf(A, joint("j", "world", "a", "screw", content="<thread_pitch>0</thread_pitch>")),
         "must not be zero",
     ),
+    "a screw of no lead": (
+        sdf(A, joint("j", "world", "a", "screw", content="<screw_thread_pitch>0</screw_thread_pitch>")),
+        "is a screw that does not travel; write a revolute joint",
+    ),
     "a leader that is missing": (
         sdf(A, joint("j", "world", "a", axis='<mimic joint="k"/>'), version="1.11"),
         "mimics the axis of joint 'k', which does not exist",

@@ -565,7 +565,11 @@ def read_lead(reader: SdfReader, element: etree._Element, owner: str) -> float:
         If it has no thread, or one of no lead.
     """
     if reader.children(element, "screw_thread_pitch"):
-        return reader.number(element, "screw_thread_pitch", owner)
+        lead = reader.number(element, "screw_thread_pitch", owner)
+        if not lead:
+            where = f"{owner} (line {element.sourceline})"
+            raise reader.error(f"{where} is a screw that does not travel; write a revolute joint", owner)
+        return lead
     if not reader.children(element, "thread_pitch"):
         raise reader.error(
             f"{owner} (line {element.sourceline}) is a screw without a thread; give <screw_thread_pitch> in m per "
