@@ -9,7 +9,16 @@ import pinocchio as pin
 
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
-from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Loop, Mechanism
+from stewart_pin.model.description import (
+    Coupling,
+    Joint,
+    JointKind,
+    Link,
+    Loop,
+    Mechanism,
+    physics_coordinates,
+)
+from stewart_pin.model.joint_physics import JointPhysics
 
 _TREE_ABLE = (JointKind.SPHERICAL, JointKind.REVOLUTE, JointKind.PRISMATIC, JointKind.FIXED)
 
@@ -23,6 +32,25 @@ def rebuild(
         motors=chain.motors,
         platform=chain.platform,
         gravity=chain.gravity if gravity is None else gravity,
+    )
+
+
+def told_otherwise(own: JointPhysics, sign: float = 1.0, zero: float = 0.0) -> JointPhysics:
+    """Tell physics along ``sign × x + zero``: forces and even powers of springs change their sign with the axis."""
+    stiffness = tuple(k * sign**n for n, k in enumerate(own.stiffness))
+    return replace(own, stiffness=stiffness, rest=sign * own.rest + zero * own.pushes, force=sign * own.force)
+
+
+def _physics_in_other_unit(own: JointPhysics, k: float, *, length: bool) -> JointPhysics:
+    """Tell physics by numbers of another unit: forces go with k, moments with k²."""
+    x, effort = (k, k) if length else (1.0, k**2)
+    return JointPhysics(
+        armature=own.armature * effort / x,
+        damping=own.damping * effort / x,
+        friction=own.friction * effort,
+        stiffness=tuple(c * effort / x ** (n + 1) for n, c in enumerate(own.stiffness)),
+        rest=own.rest * x,
+        force=own.force * effort,
     )
 
 
@@ -48,7 +76,17 @@ def in_other_unit(chain: stp.ClosedChain, k: float) -> stp.ClosedChain:
             upper=j.upper * length,
             velocity=j.velocity * length,
             effort=j.effort * (k if j.kind is JointKind.PRISMATIC else k**2),
+            physics=_physics_in_other_unit(j.physics, k, length=j.kind is JointKind.PRISMATIC),
         )
+
+    def loop(p: Loop) -> Loop:
+        words = physics_coordinates(p.kind)
+        physics = tuple(
+            _physics_in_other_unit(own, k, length=word in ("length", "x", "y"))
+            for word, own in zip(words, p.physics, strict=False)
+        )
+        ends = {"placement1": place(p.placement1), "placement2": place(p.placement2)}
+        return replace(p, **ends, length=k * p.length, physics=physics)
 
     def unit(name: str | None) -> float:
         return k if name is not None and old.joint(name).kind is JointKind.PRISMATIC else 1.0
@@ -63,10 +101,7 @@ def in_other_unit(chain: stp.ClosedChain, k: float) -> stp.ClosedChain:
         links=tuple(replace(link, inertia=heavy(link.inertia)) for link in old.links),
         joints=tuple(joint(j) for j in old.joints),
         couplings=tuple(coupling(c) for c in old.couplings),
-        loops=tuple(
-            replace(p, placement1=place(p.placement1), placement2=place(p.placement2), length=k * p.length)
-            for p in old.loops
-        ),
+        loops=tuple(loop(p) for p in old.loops),
         home={name: _longer(old.joint(name).kind, value, k) for name, value in old.home.items()},
     )
     return rebuild(chain, mechanism, k * chain.gravity)
@@ -145,7 +180,9 @@ def _cut(chain: stp.ClosedChain, old: Mechanism, loop: Loop, below: int, cut: Jo
     here, there = getattr(loop, f"placement{above}"), getattr(loop, f"placement{below}")
     # The loop's frame on `link` becomes a link of its own, without mass; `link` is fixed to it.
     hook = f"{link}_hook"
-    hung = Joint(loop.name, loop.kind, carrier, hook, here, loop.axis)
+    # What the loop does by itself, the joint now does, and the other way round; seen from link 2, backwards.
+    own = told_otherwise(loop.physics[0] if loop.physics else JointPhysics(), 1.0 if below == 2 else -1.0)
+    hung = Joint(loop.name, loop.kind, carrier, hook, here, loop.axis, physics=own)
     fixed = Joint(f"{hook}_fixed", JointKind.FIXED, hook, link, there.inverse())
     joints = tuple(j for j in old.joints if j is not cut) + (hung, fixed)
     loops = tuple(p for p in old.loops if p is not loop)
@@ -153,6 +190,7 @@ def _cut(chain: stp.ClosedChain, old: Mechanism, loop: Loop, below: int, cut: Jo
         loops += (
             Loop(
                 cut.name, cut.kind, cut.parent, cut.child, cut.placement, pin.SE3.Identity(), cut.axis,
+                physics=(cut.physics,) if cut.physics else (),
             ),
         )  # fmt: skip
     home = {name: value for name, value in old.home.items() if name != cut.name}

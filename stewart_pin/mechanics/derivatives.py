@@ -17,12 +17,13 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.brief import Brief
+from stewart_pin.errors import UnsupportedError
 from stewart_pin.mechanics.forward_dynamics import forward_dynamics
-from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_norm, natural_share
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics, least_norm, natural_share, take_part
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, outside_effort_derivative
 from stewart_pin.state.row_derivatives import reaction_forces, row_derivatives
-from stewart_pin.state.state import State, as_state
+from stewart_pin.state.state import State, as_state, named_motion
 from stewart_pin.tolerances import NO_INERTIA
 from stewart_pin.typing import ArrayLike, FloatArray, Tangent
 
@@ -104,6 +105,8 @@ def inverse_dynamics_derivatives(
         If the motors cannot hold the robot.
     InputError
         If the state does not keep the loops closed.
+    UnsupportedError
+        If a joint with dry friction is at rest: its effort jumps there.
 
     Examples
     --------
@@ -115,6 +118,7 @@ def inverse_dynamics_derivatives(
     """
     state = as_state(chain, q, v, a)
     chain = state.chain
+    _require_slopes(state)
     outside = as_wrenches(chain, wrenches)
     effort, demand = inverse_dynamics(state, wrenches=wrenches), state.require_accelerating()
     force_q, force_v, inertia = force_derivatives(state, effort.a, effort.lambda_c, outside)
@@ -175,9 +179,12 @@ def forward_dynamics_derivatives(
         If the state does not keep the loops closed.
     SingularityError
         If a motion that motors or platform take part in has no inertia.
+    UnsupportedError
+        If a joint with dry friction is at rest: its effort jumps there.
     """
     state = as_state(chain, q, v)
     chain = state.chain
+    _require_slopes(state)
     outside = as_wrenches(chain, wrenches)
     motion = forward_dynamics(state, tau_motor=tau_motor, wrenches=wrenches)
     force_q, force_v, inertia = force_derivatives(state, motion.a, motion.lambda_c, outside)
@@ -195,6 +202,20 @@ def forward_dynamics_derivatives(
         a_v=solve(-force_v, rows.acceleration_v),
         a_tau=response @ push,
     )
+
+
+def _require_slopes(state: State) -> None:
+    """Refuse a state in which dry friction has no derivative: a coordinate of it that may move is at rest."""
+    if state.effects is None:
+        return
+    rub, chain = state.effects.rubbing, state.chain
+    still = ~rub.moving & take_part(state, chain.tangent_scale[:, None] * state.motions.basis)
+    if still.any():
+        row = rub.rows[int(np.flatnonzero(still)[0])]
+        raise UnsupportedError(
+            f"dry friction of a joint at rest has no derivative: the motion {named_motion(chain, row)}; move it, or "
+            "take dry friction away by with_joint_physics"
+        )
 
 
 def force_derivatives(

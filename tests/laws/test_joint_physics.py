@@ -5,13 +5,32 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.errors import InputError
+from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.mechanics.constraint_matrix.system import assemble, tree_accelerations
-from tests.closed_states import KINDS, close, random_configuration, random_motion, robot
+from tests.closed_states import (
+    KINDS,
+    along,
+    close,
+    derivative,
+    random_configuration,
+    random_motion,
+    robot,
+    slow_but_for_few,
+)
 from tests.joint_physics import physical
+from tests.mechanics.linearisation import test_dynamics_derivatives
+from tests.rewritten import (
+    carry_over,
+    configuration_in_other_unit,
+    effort_unit,
+    in_other_unit,
+    recut,
+    tangent_unit,
+)
 from tests.zoo.table import ROBOTS
 
 AGREE = 1e-10
@@ -153,3 +172,88 @@ def test_motors_may_leave_reactions_to_friction(rng: np.random.Generator) -> Non
     with pytest.raises(InputError, match="does not belong to this state"):
         beyond = replace(effort, tau_motor=effort.tau_motor + 1e6)
         stp.joint_reactions(chain, q, chain.rest, beyond)
+
+
+def test_power_is_the_rate_of_energy_and_heat(chain: stp.ClosedChain, rng: np.random.Generator) -> None:
+    held(chain)
+    model, data = chain.model, pin.Data(chain.model)
+    q, v, a = state_of(chain, rng)
+    effort = stp.inverse_dynamics(chain, q, v, a)
+    curve = along(chain, q, v, effort.a)
+
+    def energy(t: float) -> float:
+        moved = curve(t)
+        rates = v + effort.a * t
+        # Not Pinocchio's kinetic energy, which forgets the rotors of hinges along no coordinate axis.
+        kinetic = rates @ chain.at(moved).M @ rates / 2
+        springs = stp.dynamics.joint_efforts(chain, moved).energy
+        return kinetic + pin.computePotentialEnergy(model, data, moved) + springs
+
+    heat = stp.dynamics.joint_efforts(chain, q, v).dissipation
+    assert heat > 0
+    motors = effort.tau_motor * v[chain.motor_index]
+    # Differences see the energy's round-off divided by h, 1e-12; springs bend motions in some hundredths of a second.
+    size = max(np.abs(motors).sum(), abs(energy(0.0)), heat)
+    assert abs(motors.sum() - heat - derivative(energy, 1e-4)) <= 1e-8 * size
+
+
+@pytest.mark.parametrize("name", slow_but_for_few([*ROBOTS, *KINDS], ["five_bar", "stewart", "planar"]))
+def test_derivatives_are_those_of_efforts_and_accelerations(
+    name: str, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chain = physical(name)
+    held(chain)
+    monkeypatch.setattr(test_dynamics_derivatives, "STEP", 3e-5)  # springs of third order bend what is asked
+    test_dynamics_derivatives.require_slopes(chain, rng, None)
+
+
+def test_friction_at_rest_has_no_derivative() -> None:
+    chain = physical("five_bar")
+    for ask in (
+        lambda: stp.dynamics.inverse_dynamics_derivatives(chain, chain.q_home, chain.rest, chain.rest),
+        lambda: stp.dynamics.forward_dynamics_derivatives(chain, chain.q_home, chain.rest, np.zeros(2)),
+    ):
+        with pytest.raises(UnsupportedError, match="at rest has no derivative: the motion left_hip"):
+            ask()
+    # Of motions about an equilibrium there is no other way: `linearise` says that it leaves friction out.
+    assert np.isfinite(stp.linearise(chain, chain.q_home).A).all()
+
+
+@pytest.mark.parametrize("name", slow_but_for_few(ROBOTS, ["five_bar", "stewart", "delta"]))
+def test_another_cut_moves_the_same(name: str, rng: np.random.Generator) -> None:
+    """What the cut joint does, it does in the tree here, and as a loop there."""
+    chain = physical(name, anywhere=True)
+    held(chain)
+    other = recut(chain)
+    if other is None:
+        pytest.skip("no loop that could be cut elsewhere")
+    q, v, a = state_of(chain, rng)
+    told = carry_over(chain, other, q, v, a)
+    one = stp.inverse_dynamics(chain, q, v, a)
+    for method in ("pinocchio", "constraint_matrix"):
+        close(stp.inverse_dynamics(other, *told, method=method).tau_motor, one.tau_motor, 1e-9)
+    tau = one.tau_motor * rng.uniform(0.5, 1.5, chain.nu)
+    moved = chain.at(q, v).P @ stp.forward_dynamics(chain, q, v, tau).a + chain.at(q, v).platform_bias
+    there = other.at(*told[:2])
+    again = there.P @ stp.forward_dynamics(other, *told[:2], tau).a + there.platform_bias
+    close(again, moved, 1e-8)
+    energies = [stp.dynamics.joint_efforts(x, y).energy for x, y in ((chain, q), (other, told[0]))]
+    assert energies[1] == pytest.approx(energies[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("rest", [False, True])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_unit_of_length_changes_nothing(name: str, rng: np.random.Generator, *, rest: bool) -> None:
+    chain, k = physical(name, anywhere=True), 1e3
+    held(chain)
+    other, tangent, unit = in_other_unit(chain, k), tangent_unit(chain, k), effort_unit(chain, k)
+    q, v, a = state_of(chain, rng, rest=rest)
+    told = stp.close_loops(other, configuration_in_other_unit(chain, q, k)).q
+    one = stp.inverse_dynamics(chain, q, v, a)
+    for method in ("pinocchio", "constraint_matrix"):
+        two = stp.inverse_dynamics(other, told, v * tangent, a * tangent, method=method)
+        close(two.tau_motor / unit, one.tau_motor, 1e-9)
+    tau = one.tau_motor * rng.uniform(0.5, 1.5, chain.nu)
+    moved = stp.forward_dynamics(chain, q, v, tau).a
+    again = stp.forward_dynamics(other, told, v * tangent, tau * unit).a
+    close(again / tangent / chain.tangent_scale, moved / chain.tangent_scale, 1e-8)
