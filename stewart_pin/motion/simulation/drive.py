@@ -14,6 +14,7 @@ from stewart_pin.motion.simulation.friction import too_many
 from stewart_pin.motion.simulation.motors import MotorBank
 from stewart_pin.motion.simulation.plant import JointForces, Plant
 from stewart_pin.motion.simulation.steppers import ACCOUNTS, Phase
+from stewart_pin.state.base_motion import BaseMotion, asked_base
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches, asked_wrenches, outside_efforts
 from stewart_pin.state.state import State
@@ -26,6 +27,8 @@ Controller = Callable[[float, Configuration, Tangent], FloatArray]
 
 SimulationWrenches = Wrenches | Callable[[float, State], Wrenches | None]
 """{link: (6,)} from outside, or a function of the instant [s] and the state that returns them [N, N m]."""
+SimulationBase = BaseMotion | Callable[[float], BaseMotion]
+"""Motion of the ground, the same all the time, or a function of the instant [s] that returns it."""
 
 
 class ControllerFailure(StewartPinError):
@@ -281,7 +284,7 @@ def _multiple(period: float, dt: float) -> int:
 
 
 class Push:
-    """Wrenches from outside during one run.
+    """What acts from outside during one run: wrenches, and a ground that moves.
 
     Parameters
     ----------
@@ -289,16 +292,28 @@ class Push:
         Closed chain.
     wrenches
         {link: (6,)}, or a function of the instant and the state that returns them, or None [N, N m].
+    base_motion
+        Motion of the ground, or a function of the instant that returns it, or None.
     """
 
-    def __init__(self, chain: ClosedChain, wrenches: SimulationWrenches | None) -> None:
+    def __init__(
+        self,
+        chain: ClosedChain,
+        wrenches: SimulationWrenches | None,
+        base_motion: SimulationBase | None = None,
+    ) -> None:
         self._chain = chain
         self._function = wrenches if callable(wrenches) else None
         self._constant = None if callable(wrenches) else as_wrenches(chain, wrenches)
+        if not (base_motion is None or callable(base_motion) or isinstance(base_motion, BaseMotion)):
+            raise InputError(
+                f"base_motion must be a BaseMotion or a function of the instant, got {type(base_motion).__name__}"
+            )
+        self._base = base_motion
 
     def at(
         self, t: float, q: Configuration, v: Tangent, *, weightless: bool
-    ) -> tuple[OutsideWrenches, FloatArray] | None:
+    ) -> tuple[OutsideWrenches | None, FloatArray] | None:
         """Tell what acts at an instant, and what it does to the joints.
 
         Parameters
@@ -315,26 +330,34 @@ class Push:
         Returns
         -------
         tuple or None
-            Wrenches, and (nv,) joint efforts that do the same work [N, N m]; None where nothing acts.
+            Wrenches, and (nv,) joint efforts that do the same work, with what a moving ground makes the bodies feel
+            [N, N m]; None where nothing acts.
 
         Raises
         ------
         WrenchFailure
-            If the function gives no wrenches, or they push an idle freedom that has no inertia.
+            If a function gives no wrenches or no motion, or they push an idle freedom that has no inertia.
         """
-        if self._function is None and self._constant is None:
+        if self._function is None and self._constant is None and self._base is None:
             return None
-        state, outside = State(self._chain, q, v), self._constant
+        outside, pushed = self._constant, np.zeros(self._chain.nv)
         try:
+            base = asked_base(self._base, t) if callable(self._base) else self._base
+            state = State(self._chain, q, v, base_motion=base)
             if self._function is not None:
                 outside = as_wrenches(self._chain, asked_wrenches(self._function, t, state))
-            if outside is None:
+            if outside is None and base is None:
                 return None
-            pushed = outside_efforts(state, outside)
+            if outside is not None:
+                pushed = outside_efforts(state, outside)
+            if base is not None:
+                # What those who stand on the ground feel beside a weight that keeps its direction.
+                pushed = pushed + State(self._chain, q, v).nle - state.nle
             if weightless:
                 require_idle_inertia(state, pushed)
         except StewartPinError as error:
-            raise WrenchFailure(f"the wrenches failed at {t:g} s: {error}") from error
+            what = "the wrenches" if self._base is None else "the wrenches or the ground"
+            raise WrenchFailure(f"{what} failed at {t:g} s: {error}") from error
         return outside, pushed
 
 

@@ -15,6 +15,7 @@ from stewart_pin.motion.simulation.drive import (
     DynamicController,
     Push,
     Sampled,
+    SimulationBase,
     SimulationWrenches,
 )
 from stewart_pin.motion.simulation.events import (
@@ -46,6 +47,7 @@ def simulate(
     dt: float = 1e-3,
     method: Method = "fixed",
     wrenches: SimulationWrenches | None = None,
+    base_motion: SimulationBase | None = None,
     motors: Motors | None = None,
     start_time: float = 0.0,
     record_rate: float | None = None,
@@ -91,6 +93,10 @@ def simulate(
         What acts from outside: {link: (6,)} [force; moment] on the link, at the origin of its frame, world axes; or a
         function of the instant and the `State`, called like the controller, that returns them, or None; the platform is
         ``chain.platform`` [N, N m].
+    base_motion
+        How the ground moves: a `dynamics.BaseMotion`, or a function of the instant that returns one. What is recorded is
+        relative to the ground, wrenches have the axes of the inertial frame, and what a moving ground makes the bodies
+        feel counts as work from outside. Default: it rests.
     motors
         Friction, end stops, inertia and limits of the motors; default: ideal ones with the file's limits of effort.
     start_time
@@ -109,7 +115,7 @@ def simulate(
     kernels
         Whether compiled code computes acceleration and projection; None: in runs so long that compiling pays. They are
         compared with the careful ways 50 times per second of the run, and left where they lose digits. Under wrenches
-        they compute the projection alone.
+        or on a moving ground they compute the projection alone.
     progress
         Told from time to time.
 
@@ -145,7 +151,7 @@ def simulate(
     start_time = as_number("start_time", start_time)
     state = SimulationState(start_time, 0, dt, q, v, np.zeros(drive.state_size), np.zeros(chain.nu))
     options = _options(duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress)
-    return Run(chain, state, drive, Push(chain, wrenches), _motors(motors), options).go()
+    return Run(chain, state, drive, Push(chain, wrenches, base_motion), _motors(motors), options).go()
 
 
 def _motors(motors: Motors | None) -> Motors:
@@ -163,6 +169,7 @@ def resume(
     dt: float | None = None,
     method: Method = "fixed",
     wrenches: SimulationWrenches | None = None,
+    base_motion: SimulationBase | None = None,
     motors: Motors | None = None,
     record_rate: float | None = None,
     singular: float = 1e-3,
@@ -186,7 +193,7 @@ def resume(
         Further time [s].
     dt
         Step [s]; default: the earlier one.
-    method, wrenches, motors, record_rate, singular, stop_on, rtol, atol, kernels, progress
+    method, wrenches, base_motion, motors, record_rate, singular, stop_on, rtol, atol, kernels, progress
         As in `simulate`; `kernels` None: as in the earlier run.
 
     Returns
@@ -220,7 +227,7 @@ def resume(
     if kernels is None and state.memory is not None:
         kernels = state.memory.plant.kernel or state.memory.plant.projector
     options = _options(duration, dt, method, record_rate, singular, stop_on, rtol, atol, kernels, progress)
-    return Run(chain, state, drive, Push(chain, wrenches), _motors(motors), options).go()
+    return Run(chain, state, drive, Push(chain, wrenches, base_motion), _motors(motors), options).go()
 
 
 def _options(
