@@ -94,7 +94,7 @@ def simulate(
         function of the instant and the `State`, called like the controller, that returns them, or None; the platform is
         ``chain.platform`` [N, N m].
     base_motion
-        How the ground moves: a `dynamics.BaseMotion`, or a function of the instant that returns one. What is recorded is
+        How the ground moves: a `dynamics.BaseMotion`, or a function of the instant that returns one. Records are
         relative to the ground, wrenches have the axes of the inertial frame, and what a moving ground makes the bodies
         feel counts as work from outside. Default: it rests.
     motors
