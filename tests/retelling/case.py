@@ -10,6 +10,7 @@ import pinocchio as pin
 
 import stewart_pin as stp
 from tests.closed_states import configuration
+from tests.joint_physics import with_own_physics
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +89,24 @@ def sway(
     )
 
 
+REAL = " with real joints"
+"""After the name of a robot: with rotors, springs, damping and dry friction."""
+
+
 @cache
 def plain(name: str) -> stp.ClosedChain:
     """Load a bundled robot; arms whose home is stretched, a singularity, get another home."""
+    if name.endswith(REAL):
+        chain = with_own_physics(plain(name.removesuffix(REAL)), anywhere=True)
+        loose = {
+            each: {"stiffness": 0.0}
+            for each in [
+                *(joint.name for joint in chain.mechanism.joints if joint.kind == "spherical"),
+                *(loop.name for loop in chain.loops if loop.kind == "spherical"),
+            ]
+        }  # the rest of a ball's spring stands in its frames, which tellings turn
+        real = stp.with_joint_physics(chain, loose)
+        return replace(real, mechanism=replace(real.mechanism, name=name))
     chain = stp.load(name)
     if not name.startswith("arm"):
         return chain
@@ -101,7 +117,7 @@ def plain(name: str) -> stp.ClosedChain:
 def case(name: str) -> Case:
     """Draw what is asked of a robot, always the same."""
     chain, rng = plain(name), np.random.default_rng(3)
-    q = configuration(name, "generic")
+    q = configuration(name.removesuffix(REAL), "generic")
     rates = rng.normal(size=chain.nu) * chain.tangent_scale[chain.motor_index]
     accelerations = rng.normal(size=chain.nu) * chain.tangent_scale[chain.motor_index]
     v = stp.dynamics.motion_map(chain, q).G @ rates

@@ -11,6 +11,7 @@ import pinocchio as pin
 import stewart_pin as stp
 from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
 from tests.retelling.telling import ONE, Told, turn
+from tests.rewritten import told_otherwise
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +63,7 @@ def changed(old: Mechanism, change: Change) -> tuple[Mechanism, dict[str, Told]]
             axis=own.rotation.T @ (how.sign * j.axis),
             lower=ends[0],
             upper=ends[1],
+            physics=told_otherwise(j.physics, how.sign, how.zero),
         )
 
     def link(part: Link) -> Link:
@@ -77,6 +79,10 @@ def changed(old: Mechanism, change: Change) -> tuple[Mechanism, dict[str, Told]]
             axis=one.rotation.T @ p.axis,
             axis2=two.rotation.T @ p.axis2,
         )
+        if p.kind is JointKind.REVOLUTE and p.physics:
+            # R becomes one⁻¹ R two, all about the axis.
+            zero = float(p.axis @ (pin.log3(two.rotation) - pin.log3(one.rotation)))
+            moved = replace(moved, physics=(told_otherwise(p.physics[0], zero=zero),))
         return _swapped(moved) if change.swapped else moved
 
     links, joints, loops = map(link, old.links), map(joint, old.joints), map(loop, old.loops)
@@ -95,8 +101,11 @@ def changed(old: Mechanism, change: Change) -> tuple[Mechanism, dict[str, Told]]
 
 def _swapped(loop: Loop) -> Loop:
     axis, axis2 = (loop.axis2, loop.axis) if loop.kind is JointKind.UNIVERSAL else (loop.axis, loop.axis2)
+    # R becomes its inverse: angles and lengths change their sign, and those of a universal joint their places.
+    physics = tuple(told_otherwise(own, -1.0) for own in loop.physics)
     return replace(
         loop,
+        physics=physics[::-1] if loop.kind is JointKind.UNIVERSAL else physics,
         link1=loop.link2,
         link2=loop.link1,
         placement1=loop.placement2,

@@ -95,7 +95,11 @@ def _cut_elsewhere(name: str, plain: stp.ClosedChain, folder: Path) -> Telling |
 def _by_balls(name: str, plain: stp.ClosedChain, folder: Path) -> Telling | None:
     if all(loop.kind is JointKind.SPHERICAL for loop in plain.loops):
         return None
-    return Telling(name, plain, stp.load(_save(stp.build.loops_by_balls(plain), folder)), same_rows=False)
+    try:
+        balls = stp.build.loops_by_balls(plain)
+    except stp.errors.UnsupportedError:
+        return None  # hinges do something by themselves
+    return Telling(name, plain, stp.load(_save(balls, folder)), same_rows=False)
 
 
 _OTHERWISE = 3

@@ -82,11 +82,13 @@ def hexapod_bodies(t: Telling, c: Case) -> Answers:
 def closed_forms(t: Telling, c: Case) -> Answers:
     """Few digits bend the axes of legs by more than a closed form may differ; what it differs by is the digits'.
 
-    Rods that few digits leave round no more have a spin of their own, and no closed form on balls.
+    Rods that few digits leave round no more have a spin of their own, and no closed form on balls. By how much one
+    differs that does not stand for the chain hangs on the states at which it was tried.
     """
     found = stp.dynamics.closed_forms(t.chain)
     admitted: Answers = {f"{form.form} admitted": form.admitted for form in found} if t.exact else {}
-    return admitted | {form.form: Sized(form.miss, 1.0) for form in found if np.isfinite(form.miss)}
+    told = [form for form in found if np.isfinite(form.miss) and (form.admitted or not t.exact)]
+    return admitted | {form.form: Sized(form.miss, 1.0) for form in told}
 
 
 @asks("Hexapod.from_chain")
