@@ -13,7 +13,7 @@ from stewart_pin.model.formats.reading import read_urdf
 from stewart_pin.model.joint_physics import JointPhysics
 from tests.model.sdf_reading import read
 from tests.model.small_dialects import BALLS, GAZEBO, HINGE, HINGES, TIP, drake_joint, open_square, square
-from tests.small_sdf import HOLD, axis2
+from tests.small_sdf import BODY, HOLD, axis2
 from tests.small_sdf import joint as sdf_joint
 from tests.small_sdf import link as sdf_link
 from tests.small_urdf import ARM, AXIS_Z, joint, link, loop, robot, write
@@ -317,6 +317,16 @@ def test_rotors_of_sdformat(tmp_path: Path) -> None:
     )
     still = sdf(tmp_path, "revolute", "<limit><effort>0</effort></limit>", DRAKE_ROTOR)
     assert not still.joint("j").physics and "its rotor of 0.09 is left out" in str(still.notes)
+
+
+def test_a_free_body_has_words_of_our_own_and_others_are_told(tmp_path: Path) -> None:
+    own = sdf_link("a", content=BODY + '<stewart_pin:dynamics damping="0.5"/>')
+    assert read(tmp_path, own).joint("a_floating").physics == JointPhysics(damping=0.5)
+    held = read(tmp_path, own, HOLD)
+    assert not any(joint.physics for joint in held.joints)
+    assert "<stewart_pin:dynamics>: damping 0.5 left out, as it does not float" in {
+        n.text for n in held.notes
+    }
 
 
 SDF_REFUSED = {

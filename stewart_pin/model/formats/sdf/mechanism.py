@@ -39,7 +39,7 @@ from stewart_pin.model.formats.dialects.drake import (
 from stewart_pin.model.formats.precision import moved_by_digits, within_digits
 from stewart_pin.model.formats.sdf.coordinates import read_own_dynamics, read_planar_damping
 from stewart_pin.model.formats.sdf.couplings import is_gearbox, read_gearbox, read_mimics
-from stewart_pin.model.formats.sdf.elements import SdfReader, held_model, own
+from stewart_pin.model.formats.sdf.elements import OWN_DYNAMICS, SdfReader, held_model, own
 from stewart_pin.model.formats.sdf.frames import WORLD, Scope
 from stewart_pin.model.formats.sdf.joints import Axis, SdfJoint, ends, link_pose, read_joint
 from stewart_pin.model.formats.sdf.models import MERGED, open_document
@@ -127,6 +127,11 @@ def read_sdf(path: Path) -> Mechanism:
         source=str(path),
         floats=floats,
     )
+    afloat = {joint.child for joint in tree.joints if joint.kind is JointKind.FLOATING}
+    for name, told in floats.items():
+        if told.physics and name not in afloat:
+            text = f"<{OWN_DYNAMICS}>: {told.physics} left out, as it does not float"
+            model.reader.note(f"link '{name}'", text)
     constraints = [loop for scope in scopes for loop in _ball_constraints(scope)]
     constraints += [loop for scope in scopes for loop in _bushings(scope, poses)]
     held = [loop for scope in scopes for loop in _detachable_joints(scope, poses)]
