@@ -43,6 +43,8 @@ class FrictionMemory(NamedTuple):
         (k,) 1 or -1 where a coordinate slips, 0 where it is stuck, dimensionless.
     places
         (k,) positions at which those of loops are stuck [m or rad].
+    firm
+        (k,) mask of those that friction holds.
     chosen
         (n,) stuck ones that imply the others [index].
     still
@@ -53,6 +55,7 @@ class FrictionMemory(NamedTuple):
 
     modes: FloatArray
     places: FloatArray
+    firm: BoolArray
     chosen: np.ndarray
     still: bool
     settled: bool
@@ -70,8 +73,10 @@ class Friction:
     ----------
     modes
         (k,) 1 or -1 where a coordinate slips, 0 where it is stuck, dimensionless.
+    firm
+        (k,) mask of those of the latter that friction holds, rather than loops that leave them no rate here.
     chosen
-        (n,) stuck ones that imply the others [index].
+        (n,) ones of these that imply the others [index].
     still
         Whether they leave no motion.
     settled
@@ -94,13 +99,14 @@ class Friction:
         self.modes = np.ones(self.count)  # nothing is held before it is known to be at rest
         self._places = np.zeros(self.count)
         self.settled = False
+        self.firm = np.zeros(self.count, dtype=bool)
         self.chosen = np.zeros(0, dtype=int)
         self.still = False
 
     @property
     def memory(self) -> FrictionMemory:
         """What a run that goes on has to know."""
-        return FrictionMemory(self.modes, self._places, self.chosen, self.still, self.settled)
+        return FrictionMemory(self.modes, self._places, self.firm, self.chosen, self.still, self.settled)
 
     def recall(self, memory: FrictionMemory) -> None:
         """Go on from an earlier run, if it knew the same coordinates.
@@ -111,7 +117,7 @@ class Friction:
             What it knew.
         """
         if len(memory.modes) == self.count:
-            self.modes, self._places, self.chosen, self.still, self.settled = memory
+            self.modes, self._places, self.firm, self.chosen, self.still, self.settled = memory
 
     @property
     def stuck(self) -> BoolArray:
@@ -120,8 +126,8 @@ class Friction:
 
     @property
     def stuck_entries(self) -> np.ndarray:
-        """Tangent entries that are stuck [index]."""
-        return self.entries[self.stuck[: len(self.entries)]]
+        """Tangent entries that friction holds, rather than loops that leave them no rate here [index]."""
+        return self.entries[self.firm[: len(self.entries)]]
 
     def shares(self, entries: np.ndarray, friction: FloatArray) -> FloatArray:
         """Tell which share of each friction is a part that was added to entries of the tangent.
@@ -199,20 +205,23 @@ class Friction:
         rub = _effects(state).rubbing
         return rub.rows[self.chosen], rub.bias[self.chosen]
 
-    def held_rows(self, state: State) -> FloatArray:
-        """Give the same rows in natural units.
+    def held_rows(self, state: State, which: np.ndarray | None = None) -> FloatArray:
+        """Give such rows in natural units.
 
         Parameters
         ----------
         state
             The state.
+        which
+            Of which coordinates; default: those of `held` [index].
 
         Returns
         -------
         numpy.ndarray
             (n, nv) dimensionless.
         """
-        return self.rows(state)[self.chosen] * (self._chain.tangent_scale / self._sizes[self.chosen][:, None])
+        which = self.chosen if which is None else which
+        return self.rows(state)[which] * (self._chain.tangent_scale / self._sizes[which][:, None])
 
     def astray(self, state: State) -> FloatArray:
         """Measure how far what is stuck and chosen has moved.
@@ -257,7 +266,7 @@ class Friction:
         """
         q, v = q.copy(), v.copy()
         v[self.stuck_entries] = 0.0
-        own = self._in_q[self.stuck[: len(self.entries)]]
+        own = self._in_q[self.firm[: len(self.entries)]]
         own = own[own >= 0]
         q[own] = q_from[own]
         return q, v
@@ -322,7 +331,7 @@ class Friction:
         float
             The largest share of a limit, as small as friction can be shared out, dimensionless.
         """
-        stuck = self.stuck
+        stuck = self.firm
         if not stuck.any():
             return 0.0
         motions = self._chain.tangent_scale[:, None] * state.motions.basis
@@ -403,8 +412,10 @@ class Friction:
             resting = self._at_rest(state) | ended
             self.modes = np.where(resting, 0.0, np.sign(self.rows(state) @ state.v))
             if resting.any():
-                efforts, left = friction_at_rest(state, free(state), resting, share)
+                a = free(state)
+                efforts, left = friction_at_rest(state, a, resting, share)
                 self.modes[resting] = np.where(left != 0.0, -np.sign(efforts), 0.0)
+                self._let_go(state, a, resting)
             self._places = np.where(self.stuck, self._positions(state), 0.0)
             self.choose(state)
             if not self.stuck.any():
@@ -416,6 +427,14 @@ class Friction:
             ended = np.zeros(self.count, dtype=bool)
         self.settled = True
         return state
+
+    def _let_go(self, state: State, a: Tangent, resting: BoolArray) -> None:
+        """Let what loops alone turn back, as at a dead centre, go on: friction has no hold on it there."""
+        rub = _effects(state).rubbing
+        pull = rub.rows @ a + rub.bias
+        along = np.linalg.norm(self.held_rows(state, resting) @ state.motions.basis, axis=1)
+        turns = moving(pull, a, self._sizes, self._chain)[resting] & (along <= _INDEPENDENT)
+        self.modes[np.flatnonzero(resting)[turns]] = np.sign(pull[resting][turns])
 
     def _at_rest(self, state: State) -> BoolArray:
         """(k,) mask of the coordinates that do not move."""
@@ -432,10 +451,12 @@ class Friction:
         stuck = np.flatnonzero(self.stuck)
         motions = state.motions.basis
         self.chosen, self.still = stuck[:0], not motions.shape[1]
+        self.firm = np.zeros(self.count, dtype=bool)
         if not stuck.size:
             return
         scale = self._chain.tangent_scale / self._sizes[stuck][:, None]
         along = (self.rows(state)[stuck] * scale) @ motions
+        self.firm[stuck] = np.linalg.norm(along, axis=1) > _INDEPENDENT
         decomposition: Any = qr(along.T, mode="economic", pivoting=True)
         _, triangle, order = decomposition
         rank = int(np.count_nonzero(np.abs(np.diag(triangle)) > _INDEPENDENT))
@@ -449,7 +470,7 @@ class Friction:
         UnsupportedError
             Naming one.
         """
-        own = np.flatnonzero(self.stuck[: len(self.entries)])
+        own = np.flatnonzero(self.firm[: len(self.entries)])
         joints = [self._groups[k][0] for k in own]
         for k, joint in zip(own, joints, strict=True):
             if joints.count(joint) < self._groups[k][1] and not self.still:

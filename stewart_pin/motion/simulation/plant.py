@@ -27,6 +27,8 @@ from stewart_pin.typing import Configuration, FloatArray, Tangent
 _factorise, _solve = get_lapack_funcs(("potrf", "potrs"), dtype=np.float64)
 _MAX_STEPS = 20
 """Newton steps of one projection: with a sensible time step one or two are enough."""
+_STUCK = 100.0
+"""Part of round-off up to which loops may stay open whose joints are stuck."""
 _DEPENDENT = 1e-9
 """Singular value, relative to the largest, of rows that say the same: loops whose joints are stuck."""
 
@@ -337,7 +339,7 @@ class Plant:
         state = State(self.chain, q, v) if joints is None else joints.state
         if joints is not None:
             tau = tau + joints.efforts
-        stuck = self.friction if held and self.friction is not None and self.friction.stuck.any() else None
+        stuck = self.friction if held and self.friction is not None and self.friction.firm.any() else None
         if stuck is not None and stuck.still:
             return np.zeros(self.chain.nv)
         rows, bias = state.J_c[self.rows], state.loop_bias[self.rows]
@@ -445,7 +447,7 @@ class Plant:
     @property
     def still(self) -> bool:
         """Whether friction lets nothing move."""
-        return self.friction is not None and self.friction.still and bool(self.friction.stuck.any())
+        return self.friction is not None and self.friction.still and bool(self.friction.firm.any())
 
     def project(self, q: Configuration, v: Tangent) -> tuple[Configuration, Tangent, float]:
         """Close the loops by the shortest displacement, and make the velocity keep them closed.
@@ -473,7 +475,7 @@ class Plant:
         ClosureError
             If the loops do not close.
         """
-        if self.friction is not None and self.friction.stuck.any():
+        if self.friction is not None and self.friction.firm.any():
             return self._project_stuck(self.friction, q, v)
         if self._projector is not None:
             closed_q, closed_v, gap = self._projector(q, v)
@@ -523,7 +525,9 @@ class Plant:
             rows[:, fixed] = 0.0
             left = np.concatenate([state.relative_gap[self.rows], friction.astray(state)])
             worst = float(np.abs(left).max(initial=0.0))
-            if worst <= CLOSED / 10 or (worst <= max(CLOSED, state.round_off) and worst > before / 10):
+            # Loops that friction all but holds leave more of what is open: their joints stay where they are.
+            enough = _STUCK * max(CLOSED, state.round_off)
+            if worst <= CLOSED / 10 or (worst <= enough and worst > before / 10):
                 along = v / scale
                 along[fixed] = 0.0
                 along -= np.linalg.lstsq(rows, rows @ along, rcond=_DEPENDENT)[0]

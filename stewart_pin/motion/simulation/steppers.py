@@ -477,7 +477,7 @@ class ChartStepper:
 
         limits: dict[str, Any] = dict(self._tolerances)
         friction = plant.friction
-        if self._friction is not None and friction is not None and friction.stuck.any():
+        if self._friction is not None and friction is not None and friction.firm.any():
             self._friction.require_charted()
             limits["max_step"] = h / _LOOKS
         longest = limits.get("max_step", np.inf)

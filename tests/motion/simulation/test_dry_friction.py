@@ -285,3 +285,28 @@ def test_a_controller_that_knows_springs_and_friction_follows_without_error(
         assert run.audit.by_friction[-1] > 0.1
     assert off[1] < off[0] / 10
     assert off[1] < 1e-6
+
+
+def test_friction_of_a_rocker_turns_with_it_at_dead_centres() -> None:
+    # There its rate is zero whatever the crank does, so that friction has no hold, and the crank goes on.
+    chain = stp.with_joint_physics(four_bar(JointKind.REVOLUTE), {"rocker_hinge": {"friction": 0.3}})
+    motion = np.linalg.svd(chain.at(chain.q_home).rows)[2][-1] * chain.tangent_scale
+    push = lambda t, q, v: np.array([3.0 * (12.0 - v[0])])  # noqa: E731
+    run = stp.simulate(chain, chain.q_home, 12.0 * motion / motion[0], push, duration=0.6, dt=5e-3)
+    assert run.success, run.reason
+    assert run.q[-1, 0] - run.q[0, 0] > 6.0
+    # Friction times the way of the rocker, to and fro: from the ends of its swing and of the run.
+    rocker = run.q[:, 2]
+    assert run.audit.by_friction[-1] == pytest.approx(0.3 * np.abs(np.diff(rocker)).sum(), rel=1e-3)
+    assert unexplained(run) < 1e-3 * run.audit.by_friction[-1]
+
+
+def test_friction_where_loops_leave_no_rate_disturbs_nothing(rng: np.random.Generator) -> None:
+    bare = robot("rpr_planar")
+    lift = {"platform_pose": {"friction": 1e-3}}  # three of its six entries never move
+    chain = stp.with_joint_physics(bare, lift)
+    v = 0.3 * random_motion(bare, rng, bare.q_home)[0]
+    run = stp.simulate(chain, chain.q_home, v, duration=0.02, dt=2e-3)
+    assert run.success, run.reason
+    assert unexplained(run) < 1e-8
+    assert run.audit.by_friction[-1] > 0.0
