@@ -244,7 +244,6 @@ def summarise_run(run: Simulation) -> dict[str, Any]:
     dict
         JSON-ready: how it ended, gap [m], energy account [J], peak effort [N or N m], events.
     """
-    account = run.energy + run.dissipated - run.supplied - run.outside
     return {
         "success": run.success,
         "reason": run.reason,
@@ -252,7 +251,8 @@ def summarise_run(run: Simulation) -> dict[str, Any]:
         "largest_gap": run.largest_gap,
         "energy_change": float(run.energy[-1] - run.energy[0]),
         "work_of_motors": float(run.supplied[-1]),
-        "energy_unaccounted": float(np.abs(account - account[0]).max()),
+        "heat": float(run.dissipated[-1]),
+        "energy_unaccounted": float(np.abs(run.audit.unexplained).max()),
         "peak_effort": float(np.abs(run.tau_motor).max(initial=0.0)),
         "events": [str(event) for event in run.events],
     }

@@ -390,7 +390,10 @@ class Plant:
         inertia, found = motions.T @ state.inertia @ motions, []
         for slope, power in ((by_v, 1.0), (by_q, 0.5)):
             across = -motions.T @ ((slope + slope.T) / 2 * np.outer(scale, scale)) @ motions
-            values, modes = eigh(across, inertia)
+            try:
+                values, modes = eigh(across, inertia)
+            except np.linalg.LinAlgError:  # all but weightless: the account of energy has to tell
+                return nothing, nothing
             most = int(np.argmax(np.abs(motions @ modes[:, -1])))
             found.append((max(0.0, float(values[-1])) ** power, str(chain.tangent_names[most])))
         return found[0], found[1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from scipy.integrate import solve_ivp
 
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
@@ -53,6 +54,20 @@ def test_a_mass_on_a_spring_and_a_damper_follows_its_closed_form(method: str, dt
     heat = k * x0**2 / 2 - run.energy
     np.testing.assert_allclose(run.dissipated, heat, rtol=0, atol=1e-8)
     assert run.energy[0] == pytest.approx(k * x0**2 / 2)
+
+
+def test_a_stiffening_spring_and_a_damper_agree_with_an_equation_by_hand() -> None:
+    own = {"stiffness": (40.0, 10.0, 300.0), "rest": 0.1, "force": 1.5, "damping": 0.7, "armature": 0.5}
+    run = stp.simulate(sled(**own), [0.6], [-1.0], duration=0.5, dt=2e-3)
+
+    def rates(t: float, y: np.ndarray) -> list[float]:
+        x = y[0] - 0.1
+        return [y[1], (1.5 - 40 * x - 10 * x**2 - 300 * x**3 - 0.7 * y[1]) / 2.5]
+
+    judge = solve_ivp(
+        rates, (0.0, 0.5), [0.6, -1.0], method="DOP853", rtol=1e-12, atol=1e-12, t_eval=run.time
+    )
+    np.testing.assert_allclose(run.q[:, 0], judge.y[0], rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("name", ["five_bar", "stewart"])
