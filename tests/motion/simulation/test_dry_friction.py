@@ -12,10 +12,10 @@ from scipy.optimize import brentq
 
 import stewart_pin as stp
 from stewart_pin.building.loading import build_chain
-from stewart_pin.model.description import Joint, JointKind, Link, Mechanism
+from stewart_pin.model.description import Joint, JointKind, Link, Loop, Mechanism
 from stewart_pin.motion.simulation import steppers
 from tests.closed_states import random_motion, robot, slow_but_for_few
-from tests.mechanisms import ONE, Y, four_bar
+from tests.mechanisms import ONE, Y, at, four_bar, rod
 from tests.motion.simulation.test_joint_physics import sled, unexplained
 
 WAYS = [("fixed", 2e-3), ("DOP853", 0.05), ("Radau", 0.05)]
@@ -310,3 +310,33 @@ def test_friction_where_loops_leave_no_rate_disturbs_nothing(rng: np.random.Gene
     assert run.success, run.reason
     assert unexplained(run) < 1e-8
     assert run.audit.by_friction[-1] > 0.0
+
+
+def test_a_four_bar_cut_at_another_joint_sticks_and_slips_the_same() -> None:
+    links = (
+        Link("ground"),
+        Link("crank", rod(0.3)),
+        Link("coupler", rod(0.8)),
+        Link("rocker", rod(0.6)),
+    )
+    joints = (
+        Joint("crank_motor", JointKind.REVOLUTE, "ground", "crank", ONE, independent=True),
+        Joint("elbow", JointKind.REVOLUTE, "crank", "coupler", at(0.3)),
+        Joint("pin", JointKind.REVOLUTE, "coupler", "rocker", at(0.8)),
+    )
+    hinge = Loop("rocker_hinge", JointKind.REVOLUTE, "rocker", "ground", at(0.6), at(0.9))
+    one = four_bar(JointKind.REVOLUTE)
+    other = build_chain(Mechanism("cut", links, joints, (hinge,), platform="coupler"))
+    wave = lambda t, q, v: np.array([1.2 * np.sin(20 * t)])  # noqa: E731
+    found = []
+    for bare in (one, other):
+        chain = stp.with_joint_physics(bare, RUBBING_FOUR_BAR)
+        # The rocker, told from its other end, points the other way.
+        crank, elbow, rocker = one.q_home
+        q = one.q_home if bare is one else np.array([crank, elbow, rocker + np.pi - crank - elbow])
+        run = stp.simulate(chain, q, chain.rest, wave, duration=0.4, dt=5e-3)
+        assert run.success, run.reason
+        assert 5 < (run.v[:, 0] == 0).sum() < 75
+        found.append(run)
+    np.testing.assert_allclose(found[1].q[:, :2], found[0].q[:, :2], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found[1].audit.by_friction, found[0].audit.by_friction, rtol=0, atol=1e-8)
