@@ -37,8 +37,11 @@ NAMES = slow_but_for_few([*ROBOTS, *KINDS], QUICK)
 
 
 @cache
-def physical(name: str, friction: bool = True) -> stp.ClosedChain:
-    """Give every joint, of the tree and of loops, all that it may have, as strong as its bodies are heavy."""
+def physical(name: str, friction: bool = True, legs: bool = False) -> stp.ClosedChain:
+    """Give every joint, of the tree and of loops, all that it may have, as strong as its bodies are heavy.
+
+    Or only hinges and slides of legs, from where they hang to before their ends, which no idle motion moves.
+    """
     chain = robot(name)
     rng = np.random.default_rng(zlib.crc32(name.encode()))
     inertia = pin.crba(chain.model, pin.Data(chain.model), chain.q_home).diagonal() * chain.tangent_scale**2
@@ -59,9 +62,14 @@ def physical(name: str, friction: bool = True) -> stp.ClosedChain:
             found["force"] = usual / size * rng.normal()
         return found
 
+    idle = np.abs(np.hstack([chain.at(q).freedom.idle for q in chain.generic.samples])).max(
+        axis=1, initial=0.0
+    )
     for joint in chain.mechanism.joints:
         if joint.kind is not JointKind.FIXED:
             entry = chain.model.joints[chain.model.getJointId(joint.name)].idx_v
+            if legs and (not joint.has_axis or idle[entry] > 1e-9 or joint.child == chain.platform):
+                continue
             size = float(chain.tangent_scale[entry])
             found = own(size, whole=joint.has_axis)
             found["armature"] = usual / size**2 * rng.uniform(0.2, 1.0)
@@ -70,7 +78,7 @@ def physical(name: str, friction: bool = True) -> stp.ClosedChain:
             if joint.kind is JointKind.SPHERICAL:
                 found["friction"] = friction * usual * rng.uniform(0.2, 1.0)
             physics[joint.name] = found
-    for loop in chain.loops:
+    for loop in () if legs else chain.loops:
         words = physics_coordinates(loop.kind)
         for word in words:
             coordinate = loop.name if len(words) == 1 else f"{loop.name} {word}"
@@ -80,17 +88,24 @@ def physical(name: str, friction: bool = True) -> stp.ClosedChain:
 
 
 @cache
-def kernels_of(name: str, coordinates: Any, friction: bool = True) -> stp.compiled.Kernels:
-    return stp.compile_kernels(physical(name, friction), coordinates=coordinates, engine="numpy")
+def kernels_of(
+    name: str, coordinates: Any, friction: bool = True, legs: bool = False
+) -> stp.compiled.Kernels:
+    return stp.compile_kernels(physical(name, friction, legs), coordinates=coordinates, engine="numpy")
 
 
-def compiled(name: str, coordinates: str, friction: bool = True) -> stp.compiled.Kernels:
+def compiled(name: str, coordinates: str, friction: bool = True, legs: bool = False) -> stp.compiled.Kernels:
     if not stp.mobility(robot(name)).motors_sufficient:
         pytest.skip(f"the motors of {name} do not hold it")
     if (name, coordinates) == ("arm_3r_planar", "platform"):
         pytest.skip("its home is stretched: a pose beside it does not tell on which side the elbow is")
     try:
-        return kernels_of(name, coordinates, friction)
+        return kernels_of(name, coordinates, friction, legs)
+    except UnsupportedError as error:
+        if not friction or "dry friction" not in str(error):
+            pytest.skip(str(error))
+    try:
+        return kernels_of(name, coordinates, False, legs)
     except UnsupportedError as error:
         pytest.skip(str(error))
 
@@ -122,10 +137,19 @@ def given_of(chain: stp.ClosedChain, coordinates: str, q: np.ndarray, v: np.ndar
 def test_kernels_agree_with_the_verbs_of_one_state(
     name: str, coordinates: str, rng: np.random.Generator
 ) -> None:
-    kernels = compiled(name, coordinates)
-    chain = kernels.chain
+    agree_in_motion_and_at_rest(name, compiled(name, coordinates), rng)
+
+
+def agree_in_motion_and_at_rest(name: str, kernels: stp.compiled.Kernels, rng: np.random.Generator) -> None:
+    chain, coordinates = kernels.chain, kernels.coordinates
     for rest in (False, True):
         q, v, a = motion_of(chain, rng, rest=rest)
+        if (
+            coordinates != "tree" and stp.mobility(chain).idle
+        ):  # where they stand and how they move is the verb's
+            pose, twist, acceleration = given_of(chain, "platform", q, v, a)[0]
+            found = stp.platform_motion(chain, pin.XYZQUATToSE3(pose), twist, acceleration, limits=False)
+            q, v, a = found.q, found.v, found.a
         given, size = given_of(chain, coordinates, q, v, a)
         effort = stp.inverse_dynamics(chain, q, v, a)
         close(kernels.inverse_dynamics(*given), effort.tau_motor, AGREE)
@@ -135,7 +159,9 @@ def test_kernels_agree_with_the_verbs_of_one_state(
             close(kernels.reactions(*given), effort.lambda_c, 10 * AGREE)
         status = np.zeros(1, dtype=np.int8)
         found = kernels.forward_dynamics(*(x[None] for x in given[:2]), effort.tau_motor, status=status)[0]
-        if rest:
+        effects = chain.at(q, v).effects
+        assert effects is not None
+        if rest and effects.rubbing.limits.size:
             assert status[0] == StateStatus.RESTING and np.isnan(found).all()
         else:
             assert status[0] == StateStatus.OK
@@ -157,8 +183,11 @@ def test_without_friction_a_joint_at_rest_is_nothing_special(name: str, rng: np.
 @pytest.mark.parametrize("coordinates", ["motor", "platform"])
 @pytest.mark.parametrize("name", slow_but_for_few([*ROBOTS, *KINDS], ("five_bar", "rpr_planar")))
 def test_derivatives_agree_with_differences(name: str, coordinates: str, rng: np.random.Generator) -> None:
-    kernels = compiled(name, coordinates)
-    chain = kernels.chain
+    derivatives_agree(compiled(name, coordinates), rng)
+
+
+def derivatives_agree(kernels: stp.compiled.Kernels, rng: np.random.Generator) -> None:
+    chain, coordinates = kernels.chain, kernels.coordinates
     q, v, a = motion_of(chain, rng, rest=False)
     given, size = given_of(chain, coordinates, q, v, a)
     count = chain.generic.count
@@ -180,6 +209,13 @@ def test_derivatives_agree_with_differences(name: str, coordinates: str, rng: np
                 return getattr(kernels, verb)(*parts)  # noqa: B023
 
             close(matrix @ direction, derivative(moved, 1e-3), 1e-7)
+        status = np.zeros(1, dtype=np.int8)
+        still = (inputs[0][None], np.zeros((1, len(given[1]))), inputs[2][None])
+        slopes = getattr(kernels, f"{verb}_derivatives")(*still, status=status)
+        effects = chain.at(q).effects
+        assert effects is not None
+        rests = bool(effects.rubbing.limits.size)
+        assert rests == (status[0] == StateStatus.RESTING) == bool(np.isnan(slopes[0]).all())
 
 
 def _moved(value: np.ndarray, step: np.ndarray) -> np.ndarray:
@@ -204,9 +240,99 @@ def test_derivatives_by_the_geometry_agree_with_differences(name: str, coordinat
     along = sizes * (basis[:, alone] @ rng.uniform(-0.5, 0.5, np.count_nonzero(alone)))
     for verb in ("inverse_dynamics", "forward_dynamics"):
         function = kernels.casadi(f"{verb}_by_tree")
+        assert "resting" in function.name_out()  # there dry friction has no slope
         found = np.array(function.call([ca.DM(x) for x in state.inputs[verb]])[0]) @ along
         pairs = list(zip(parameters, along, strict=True))
         close(found, slope(lambda t: state.answer(verb, {p: t * x for p, x in pairs if x}), 2e-4), 1e-7)  # noqa: B023
+
+
+# ----------------------------------------------------------------------------------------------------
+# Legs with closed forms keep them
+# ----------------------------------------------------------------------------------------------------
+
+
+LEGGED = stp.robots()
+
+
+@pytest.mark.parametrize("coordinates", ["motor", "platform"])
+@pytest.mark.parametrize("name", slow_but_for_few(LEGGED, ("rpr_planar",)))
+def test_legs_feel_their_joints_in_closed_form(name: str, coordinates: str, rng: np.random.Generator) -> None:
+    kernels = compiled(name, coordinates, legs=True)
+    bare = stp.compile_kernels(robot(name), coordinates=coordinates, engine="numpy")
+    assert kernels.by_legs == bare.by_legs, kernels.report.why_tree
+    agree_in_motion_and_at_rest(name, kernels, rng)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("coordinates", ["motor", "platform"])
+@pytest.mark.parametrize("name", LEGGED)
+def test_derivatives_of_legs_agree_with_differences(
+    name: str, coordinates: str, rng: np.random.Generator
+) -> None:
+    derivatives_agree(compiled(name, coordinates, legs=True), rng)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["stewart", "stewart_s1"])
+def test_derivatives_by_the_ends_of_legs_are_those_of_the_whole_tree(
+    name: str, rng: np.random.Generator
+) -> None:
+    kernels = compiled(name, "platform", legs=True)
+    q, v, a = motion_of(kernels.chain, rng, rest=False)
+    given, _ = given_of(kernels.chain, "platform", q, v, a)
+    tau = kernels.inverse_dynamics(*given)
+    legs = list(kernels._functions.leg_displacements)
+    assert legs
+    for verb, third in (("inverse_dynamics", given[2]), ("forward_dynamics", tau)):
+        ways = [
+            kernels.casadi(f"{verb}_by_{way}").call([ca.DM(x) for x in (at, given[1], third)])[0]
+            for way, at in (("legs", given[0]), ("tree", q))
+        ]
+        close(np.array(ways[0]), np.array(ways[1])[:, legs], 1e-9)
+        assert all("resting" in kernels.casadi(f"{verb}_by_{way}").name_out() for way in ("legs", "tree"))
+
+
+@pytest.mark.parametrize("name", slow_but_for_few(LEGGED, ("rpr_planar",)))
+def test_regressors_of_legs_hold_their_rotors(name: str, rng: np.random.Generator) -> None:
+    chain = physical(name, legs=True)
+    own = {joint.name: joint.physics.armature for joint in chain.mechanism.joints if joint.physics}
+    rotors = {joint: {"armature": armature} for joint, armature in own.items()}
+    chain = stp.with_joint_physics(robot(name), rotors)
+    if stp.mobility(chain).idle or not stp.mobility(chain).motors_sufficient:
+        pytest.skip("efforts are not linear, or do not hold it")
+    kernels = stp.compile_kernels(chain, engine="numpy")
+    if not kernels.by_legs:
+        pytest.skip(kernels.report.why_tree)
+    q, v, a = motion_of(chain, rng, rest=False)
+    given, _ = given_of(chain, "platform", q, v, a)
+    efforts = stp.inverse_dynamics(chain, q, v, a).tau_motor
+    close(kernels.regressor(*given) @ kernels.inertial_parameters, efforts, AGREE)
+
+
+def test_dry_friction_of_idle_freedoms_is_left_to_the_verbs_of_one_state() -> None:
+    chain = stp.with_joint_physics(robot("delta"), {"rod1a_spin": {"friction": 0.01}})
+    with pytest.raises(UnsupportedError, match="idle freedoms of delta move has dry friction"):
+        stp.compile_kernels(chain, coordinates="tree")
+    assert choosing.kernels_for(chain, choosing.HANDFUL) is None
+
+
+def test_a_rotor_that_idle_motions_turn_is_left_to_the_whole_tree() -> None:
+    chain = stp.with_joint_physics(robot("delta"), {"rod1a_spin": {"armature": 0.01}})
+    kernels = stp.compile_kernels(chain, engine="numpy")
+    assert not kernels.by_legs and "'rod1a_spin' has a rotor (armature), and idle" in kernels.report.why_tree
+
+
+@pytest.mark.parametrize(
+    ("joint", "own", "says"),
+    [
+        ("platform_pose", {"damping": 1.0}, "joint 'platform_pose' has damping 1"),
+        ("platform_pose", {"armature": 1.0}, "joint 'platform_pose', which carries it, has a rotor"),
+        ("leg1_ball", {"stiffness": 1.0}, "'turn' of loop 'leg1_ball' has stiffness 1"),
+    ],
+)
+def test_where_legs_end_the_whole_tree_answers(joint: str, own: dict[str, float], says: str) -> None:
+    kernels = stp.compile_kernels(stp.with_joint_physics(robot("stewart"), {joint: own}), engine="numpy")
+    assert not kernels.by_legs and says in kernels.report.why_tree
 
 
 def test_rotation_vectors_are_right_near_none_and_near_half_a_turn(rng: np.random.Generator) -> None:

@@ -16,6 +16,7 @@ import casadi as ca
 
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.derivatives import pose_chart
+from stewart_pin.kernels.graph.joint_effects import resting_among
 from stewart_pin.kernels.graph.leg_forces import leg_accelerations
 from stewart_pin.kernels.graph.legs import leg_rates, platform_motion
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, motor_columns
@@ -167,8 +168,9 @@ def by_motors(driven: DrivenPlatform, function: ca.Function) -> ca.Function:
         result = function.call([placed.pose, twist, acceleration, *acting.values()])[0]
         beside = driven.infeasible(asked, (driven.jacobian @ acceleration + drift, last))
     else:
-        result = driven.jacobian @ function.call([placed.pose, twist, last, *acting.values()])[0] + drift
-        beside = driven.infeasible(asked)
+        moved, *judged = function.call([placed.pose, twist, last, *acting.values()])
+        result = driven.jacobian @ moved + drift
+        beside = driven.infeasible(asked) | resting_among(function.name_out()[1:], judged)
     return shared(
         function.name(),
         {"pose": placed.pose, "velocity": velocity, third: last, **acting},
@@ -234,7 +236,7 @@ def derivatives_by_motors(
         sped = -back @ (by_pose_done + by_twist_done @ turned)
         by_position = by_pose + by_twist @ turned + by_acceleration @ sped
         by_velocity = by_twist - by_acceleration @ (back @ by_twist_done)
-        by_third, by_acting = by_acceleration @ back, parts[3:]
+        by_third, by_acting = by_acceleration @ back, parts[3 : 3 + len(acting)]
         beside.append((made, last))
     else:
         by_position = by_pose_done + by_twist_done @ turned
@@ -250,5 +252,6 @@ def derivatives_by_motors(
             f"by_{third}": by_third,
             **{f"by_{name}": part for name, part in zip(acting, by_acting, strict=False)},
             **driven.infeasible(*beside),
+            **resting_among(derivatives.name_out(), parts),
         },
     )

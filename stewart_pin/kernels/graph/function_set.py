@@ -31,6 +31,7 @@ from stewart_pin.kernels.graph.geometry_derivatives import (
     tree_geometry_derivatives,
 )
 from stewart_pin.kernels.graph.held_motion import HeldMotion, MobileDisplacements, hold, mobile_displacements
+from stewart_pin.kernels.graph.joint_effects import with_resting
 from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step, double_step, stretch_step
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.verbs import (
@@ -361,6 +362,10 @@ class FunctionSet:
         return driven_platform.by_motors(driven, verb.legs(placed))
 
     def _derivatives(self, name: str) -> ca.Function:
+        found = self._slopes(name)
+        return with_resting(found, self._verb(VERBS["forward_dynamics"])) if self.rubs else found
+
+    def _slopes(self, name: str) -> ca.Function:
         placed, driven, verb = self.placed, self.driven_platform, VERBS[name]
         if placed is None:
             return dynamics_derivatives(self._verb(verb), self.driven)
@@ -376,7 +381,8 @@ class FunctionSet:
 
     def _by_legs(self, name: str) -> ca.Function:
         assert self.placed is not None
-        return leg_geometry_derivatives(self.placed, name)
+        found = leg_geometry_derivatives(self.placed, name)
+        return with_resting(found, self._verb(VERBS["forward_dynamics"])) if self.rubs else found
 
     def _any_state(self, name: str) -> ca.Function:
         if name == "platform_pose":
@@ -425,7 +431,14 @@ class FunctionSet:
 
     def _by_tree(self, name: str) -> ca.Function:
         if name not in self._written:
-            self._written[name] = tree_geometry_derivatives(self.held, self._drive, name)
+            found = tree_geometry_derivatives(self.held, self._drive, name)
+            if self.rubs:
+                forward, drive = VERBS["forward_dynamics"], self._drive
+                assert forward.state is not None and forward.driven is not None
+                found = with_resting(
+                    found, forward.state(self.closed) if drive is None else forward.driven(drive)
+                )
+            self._written[name] = found
         return self._written[name]
 
     @property

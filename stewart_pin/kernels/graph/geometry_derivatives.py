@@ -34,7 +34,7 @@ from stewart_pin.kernels.graph.held_motion import (
     condition_gaps,
     hold_motors,
 )
-from stewart_pin.kernels.graph.joint_effects import resting
+from stewart_pin.kernels.graph.joint_effects import resting, resting_among
 from stewart_pin.kernels.graph.platform_dynamics import (
     PlacedPlatform,
     balance,
@@ -333,10 +333,12 @@ def leg_geometry_derivatives(placed: PlacedPlatform, name: str) -> ca.Function:
     function = (inverse_dynamics_function if inverse else forward_dynamics_function)(placed)
     third = acceleration if inverse else tau_motor
     given, acting = [moved.pose, twist, third, *moved.outside.values()], moved.outside.values()
-    answer = function.call(given)[0]
+    answer, *judged = function.call(given)
     full = [moved.pose, twist, third, answer] if inverse else [moved.pose, twist, answer, third]
     inputs = dict(zip(function.name_in(), given, strict=True))
-    return shared(f"{name}_by_legs", inputs, {"by_geometry": solved.call([*full, *acting])[0]})
+    outputs = {"by_geometry": solved.call([*full, *acting])[0]}
+    outputs |= resting_among(function.name_out()[1:], judged)
+    return shared(f"{name}_by_legs", inputs, outputs)
 
 
 def _shifted(plan: PlatformPlan, moves: Moves) -> tuple[Leg, ...]:

@@ -7,6 +7,7 @@ where accelerations are asked for, that is no rule but a search, and the state i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import TYPE_CHECKING
@@ -18,12 +19,12 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.bodies import configuration_chart, efforts_of_wrenches
 from stewart_pin.kernels.graph.loop_rows import Between, about_origin, frames_between
 from stewart_pin.kernels.planning.joint_physics import has_friction, is_passive
-from stewart_pin.kernels.planning.spatial import constant, rotation_constant
+from stewart_pin.kernels.planning.spatial import constant, rotation_constant, shared
 from stewart_pin.kernels.planning.tree import LoopEnds
 from stewart_pin.model.description import JointKind, physics_coordinates
 from stewart_pin.model.joint_physics import JointPhysics
 from stewart_pin.model.loop_rows import orthonormal_triad
-from stewart_pin.tolerances import AT_REST, AT_REST_BESIDE
+from stewart_pin.tolerances import AT_REST, AT_REST_BESIDE, TAKES_PART
 from stewart_pin.typing import FloatArray
 
 if TYPE_CHECKING:
@@ -258,8 +259,51 @@ def resting(closed: ClosedTree, v: ca.SX) -> dict[str, ca.SX]:
         return {}
     rub = _rubbing(closed, _coordinates(closed))
     assert rub is not None
-    still = ca.logic_not(_moving(rub.columns.T @ v, v, rub.sizes, closed))
-    return {"resting": reduce(ca.fmax, ca.vertsplit(still))}
+    # What closed loops let nothing move does nothing.
+    shares = np.abs(closed.values(rub.columns.T @ closed.motions)).max(axis=(0, 2), initial=0.0)
+    able = np.flatnonzero(shares > TAKES_PART * rub.sizes).tolist()
+    still = ca.logic_not(_moving(rub.columns.T @ v, v, rub.sizes, closed))[able]
+    return {"resting": reduce(ca.fmax, ca.vertsplit(still))} if able else {}
+
+
+def with_resting(derivatives: ca.Function, forward: ca.Function) -> ca.Function:
+    """Let derivatives tell states in which they do not exist: the effort of a joint with dry friction jumps at rest.
+
+    Parameters
+    ----------
+    derivatives
+        Of inverse or forward dynamics.
+    forward
+        Forward dynamics of the same configuration and velocity.
+
+    Returns
+    -------
+    casadi.Function
+        With the output ``resting``, if forward dynamics has it.
+    """
+    if "resting" in derivatives.name_out() or "resting" not in forward.name_out():
+        return derivatives
+    inputs = derivatives.sx_in()
+    at_rest = forward.call([*inputs[:2], ca.SX.zeros(*forward.size_in(2)), *inputs[3:]])
+    outputs = dict(zip(derivatives.name_out(), derivatives.call(inputs), strict=True))
+    outputs["resting"] = at_rest[forward.name_out().index("resting")]
+    return shared(derivatives.name(), dict(zip(derivatives.name_in(), inputs, strict=True)), outputs)
+
+
+def resting_among(names: Sequence[str], outputs: Sequence[ca.SX]) -> dict[str, ca.SX]:
+    """Find what tells of joints at rest among outputs of a function.
+
+    Parameters
+    ----------
+    names, outputs
+        Of the function.
+
+    Returns
+    -------
+    dict
+        As `resting`.
+    """
+    return {name: value for name, value in zip(names, outputs, strict=True) if name == "resting"}
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,9 +22,14 @@ from stewart_pin.kernels.graph.bodies import (
     motions,
     outside_wrenches,
 )
+from stewart_pin.kernels.graph.joint_effects import spring_effort
 from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, far_point, idle_momenta
 from stewart_pin.kernels.planning.elimination import solve_symmetric
 from stewart_pin.kernels.planning.spatial import constant, skew
+from stewart_pin.typing import FloatArray
+
+_STILL = 1e-9
+"""Entries of idle motions below this are round-off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +52,29 @@ class LegForces:
     reaction_columns: dict[int, ca.SX]
 
 
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """How slow what is at rest is, in natural units: twist and accelerations of the platform tell.
+
+    Attributes
+    ----------
+    rate
+        (1, 1) rate below which a joint is at rest [1/s].
+    acceleration
+        (1, 1) acceleration below which it stays so [1/s²]; None: what starts is not asked, and dry friction of joints
+        at rest is left out.
+    """
+
+    rate: ca.SX
+    acceleration: ca.SX | None
+
+
 def leg_forces(
-    placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX, acting: ca.SX | None = None
+    placed: PlacedLeg,
+    moving: PlatformMotion,
+    rates: ca.SX,
+    acting: ca.SX | None = None,
+    rest: Rest | None = None,
 ) -> LegForces:
     """Compute the forces that a leg takes to move as it does.
 
@@ -62,6 +88,8 @@ def leg_forces(
         (nv, 1) rates of the joints.
     acting
         (n, 1) what acts on the chain from outside, in world axes; None for nothing.
+    rest
+        What counts as rest, where springs, damping and dry friction of joints are felt; None: they are left out.
 
     Returns
     -------
@@ -77,6 +105,11 @@ def leg_forces(
     if acting is not None:
         wrenches = less(wrenches, acting_on(placed, moving, acting))
     needed, wrenches = _idle_obey(placed, wrenches)
+    # Idle motions move no joint that has something of its own.
+    if any(joint.rotor.any() for joint in placed.leg.joints):
+        needed = needed + _rotors(placed) * leg_accelerations(placed, moving, rates)
+    if rest is not None and not placed.passive:
+        needed = needed - _own_efforts(placed, moving, rates, rest)
     reactions = placed.solve(needed)
     columns = {motor: _motor_response(placed, entry) for motor, entry in placed.leg.motors}
     return LegForces(
@@ -230,7 +263,7 @@ def _tip_inertia(placed: PlacedLeg) -> ca.SX:
         if placed.idle.shape[1]:
             known = {}
         wrenches = inertial_wrenches(joints, motions(joints, at, still, a, resting, known=known))
-        columns.append(placed.solve(_idle_obey(placed, wrenches)[0]))
+        columns.append(placed.solve(_idle_obey(placed, wrenches)[0] + _rotors(placed) * a))
     return ca.horzcat(*columns)
 
 
@@ -320,3 +353,80 @@ def on_platform(
         net[end.body] = beside[0] - force, beside[1] - ca.cross(constant(end.point), force)
     force, moment = carry_down(leg.joints, placed.at, net, 1)[1]
     return -ca.vertcat(moving.rotation @ force, moving.rotation @ moment)
+
+
+# ----------------------------------------------------------------------------------------------------
+# What the joints of a leg do by themselves
+# ----------------------------------------------------------------------------------------------------
+
+
+def require_known_joints(placed: PlacedLeg) -> None:
+    """Refuse legs whose joints do by themselves what their motion does not tell.
+
+    Parameters
+    ----------
+    placed
+        The leg.
+
+    Raises
+    ------
+    UnsupportedError
+        If a joint has a spring and no position in closed form, or a rotor and part in an idle motion.
+    """
+    for k, joint in enumerate(placed.leg.joints):
+        if joint.physics.pushes and k not in placed.positions.values:
+            raise UnsupportedError(f"joint '{joint.name}' has a spring, and no position in closed form")
+        moved = placed.idle[joint.v, :]
+        if joint.rotor.any() and moved.nnz() and np.abs(placed.values(moved)).max(initial=0.0) > _STILL:
+            raise UnsupportedError(f"joint '{joint.name}' has a rotor (armature), and idle motions turn it")
+
+
+def friction_of(placed: PlacedLeg) -> FloatArray:
+    """List dry friction.
+
+    Parameters
+    ----------
+    placed
+        The leg.
+
+    Returns
+    -------
+    numpy.ndarray
+        (nv,) of its tangent entries [N or N m].
+    """
+    return np.concatenate([joint.friction for joint in placed.leg.joints])
+
+
+def _rotors(placed: PlacedLeg) -> ca.SX:
+    return ca.sparsify(constant(np.concatenate([joint.rotor for joint in placed.leg.joints])))
+
+
+def _own_efforts(placed: PlacedLeg, moving: PlatformMotion, rates: ca.SX, rest: Rest) -> ca.SX:
+    """Efforts of springs, damping and dry friction, (nv, 1)."""
+    efforts = ca.SX(placed.leg.nv, 1)
+    for k, joint in enumerate(placed.leg.joints):
+        if joint.physics.pushes:
+            efforts[joint.v] += spring_effort(joint.physics, _position(placed, k))
+        if joint.damping.any():
+            efforts[joint.v] -= constant(joint.damping) * rates[joint.v]
+    friction = friction_of(placed)
+    entries = np.flatnonzero(friction).tolist()
+    if not entries:
+        return efforts
+    sizes, starting = constant(placed.scale[entries]), ca.SX(len(entries), 1)
+    if rest.acceleration is not None:
+        a = leg_accelerations(placed, moving, rates)[entries]
+        starting = ca.if_else(ca.fabs(a) > sizes * rest.acceleration, a, 0)
+    moves = ca.fabs(rates[entries]) > sizes * rest.rate
+    efforts[entries] -= constant(friction[entries]) * ca.sign(ca.if_else(moves, rates[entries], starting))
+    return efforts
+
+
+def _position(placed: PlacedLeg, k: int) -> ca.SX:
+    """Position of a slide, or of a hinge within half a turn of home."""
+    value, home = placed.positions.values[k], float(placed.leg.home[k][0])
+    if value.shape[0] == 1:
+        return value
+    cosine, sine = value[0], value[1]
+    back, across = float(np.cos(home)), float(np.sin(home))
+    return home + ca.atan2(sine * back - cosine * across, cosine * back + sine * across)

@@ -29,6 +29,7 @@ from stewart_pin.kernels.graph.bodies import (
 )
 from stewart_pin.kernels.graph.leg_positions import LegPositions, leg_positions
 from stewart_pin.kernels.planning.elimination import Elimination, plan_pivots, solve_symmetric
+from stewart_pin.kernels.planning.joint_physics import are_passive
 from stewart_pin.kernels.planning.plan import Leg, LegEnd
 from stewart_pin.kernels.planning.samples import at_samples
 from stewart_pin.kernels.planning.spatial import (
@@ -230,6 +231,10 @@ class PlacedLeg:
         (nv, n) motions that its ends do not see.
     samples
         Symbols that it depends on, and (samples, n) values of each [m, unit quaternion].
+    scale
+        (nv,) natural sizes of its tangent entries [m or rad].
+    passive
+        Whether its joints do nothing by themselves, but for their rotors.
     """
 
     leg: Leg
@@ -239,6 +244,8 @@ class PlacedLeg:
     reduced: Elimination
     idle: ca.SX
     samples: Samples
+    scale: FloatArray
+    passive: bool
 
     @property
     def score(self) -> float:
@@ -349,7 +356,9 @@ def place_leg(leg: Leg, moving: PlatformMotion, samples: Samples, scale: FloatAr
     values = at_samples(*samples, transpose) * scale[:, None]
     reduced = Elimination(transpose, plan_pivots(values, list(range(transpose.shape[1]))))
     idle = reduced.forward(ca.SX.eye(leg.nv))[list(reduced.pivots.rows), :].T
-    return PlacedLeg(leg, positions, at, targets, reduced, idle, samples)
+    return PlacedLeg(
+        leg, positions, at, targets, reduced, idle, samples, scale, passive=are_passive(leg.joints)
+    )
 
 
 def _target(leg: Leg, moving: PlatformMotion, end: LegEnd) -> ca.SX:

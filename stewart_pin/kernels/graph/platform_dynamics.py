@@ -17,7 +17,14 @@ import numpy as np
 
 from stewart_pin.errors import SingularityError
 from stewart_pin.kernels.graph.bodies import outside_input
-from stewart_pin.kernels.graph.leg_forces import LegForces, leg_forces, leg_inertia
+from stewart_pin.kernels.graph.leg_forces import (
+    LegForces,
+    Rest,
+    friction_of,
+    leg_forces,
+    leg_inertia,
+    require_known_joints,
+)
 from stewart_pin.kernels.graph.legs import (
     PlacedLeg,
     PlatformMotion,
@@ -33,6 +40,7 @@ from stewart_pin.kernels.planning.plan import PlatformPlan
 from stewart_pin.kernels.planning.samples import at_samples
 from stewart_pin.kernels.planning.spatial import constant, shared
 from stewart_pin.state.freedom import require_sufficient_motors
+from stewart_pin.tolerances import AT_REST, AT_REST_BESIDE
 from stewart_pin.typing import FloatArray
 
 
@@ -181,7 +189,7 @@ def place_platform(plan: PlatformPlan, shifts: ca.SX | None = None) -> PlacedPla
     Raises
     ------
     UnsupportedError
-        If a leg has no closed form.
+        If a leg has no closed form, or one that does not tell what its joints do by themselves.
     """
     pose, still = ca.SX.sym("pose", 7), ca.SX.zeros(6)
     moving = platform_motion(plan.tree, pose, still, still)
@@ -191,6 +199,8 @@ def place_platform(plan: PlatformPlan, shifts: ca.SX | None = None) -> PlacedPla
         joints = [plan.tree.joints[body - 1] for body in leg.bodies]
         entries = np.concatenate([np.arange(joint.v.start, joint.v.stop) for joint in joints])
         legs.append(place_leg(leg, moving, _samples(plan, pose, shifts), scale[entries]))
+    for leg in legs:
+        require_known_joints(leg)
     wrenches = ca.SX.sym("wrenches", 6 * len(plan.tree.outside))
     return PlacedPlatform(plan, pose, tuple(legs), wrenches, shifts)
 
@@ -245,8 +255,10 @@ def balance(placed: PlacedPlatform, twist: ca.SX, acceleration: ca.SX) -> tuple[
     return balance_legs(placed, moving, forces_of_legs(placed, moving))
 
 
-def forces_of_legs(placed: PlacedPlatform, moving: PlatformMotion) -> list[LegForces]:
-    """Compute the forces that the legs take to follow the platform, beside what acts on them from outside.
+def forces_of_legs(placed: PlacedPlatform, moving: PlatformMotion, *, starts: bool = True) -> list[LegForces]:
+    """Compute the forces that the legs take to follow the platform.
+
+    What acts on them from outside, and what their joints do by themselves, is taken off.
 
     Parameters
     ----------
@@ -254,13 +266,41 @@ def forces_of_legs(placed: PlacedPlatform, moving: PlatformMotion) -> list[LegFo
         Platform and legs.
     moving
         Motion of the platform.
+    starts
+        Whether its acceleration tells where joints at rest are about to move; else their dry friction is left out.
 
     Returns
     -------
     list of LegForces
         In the order of the legs.
     """
-    return [leg_forces(leg, moving, leg_rates(leg, moving), placed.wrenches) for leg in placed.legs]
+    legs = [(leg, leg_rates(leg, moving)) for leg in placed.legs]
+    rest = Rest(
+        _resting_rate(placed, ca.vertcat(moving.velocity, moving.omega)),
+        _resting_rate(placed, ca.vertcat(moving.felt + constant(moving.gravity), moving.omega_rate))
+        if starts
+        else None,
+    )
+    return [leg_forces(leg, moving, rates, placed.wrenches, rest) for leg, rates in legs]
+
+
+def _resting_rate(placed: PlacedPlatform, motion: ca.SX) -> ca.SX:
+    """Rate below which a joint is at rest beside a platform that moves, in natural units."""
+    length = placed.plan.chain.length_scale
+    most = ca.fmax(ca.norm_inf(motion[:3]) / length, ca.norm_inf(motion[3:]))
+    return ca.fmax(AT_REST, AT_REST_BESIDE * most)
+
+
+def _resting(placed: PlacedPlatform, twist: ca.SX) -> dict[str, ca.SX]:
+    """Tell states in which a joint with dry friction is at rest, as `joint_effects.resting`."""
+    moving = platform_motion(placed.plan.tree, placed.pose, twist, ca.SX.zeros(6))
+    rest, worst = _resting_rate(placed, twist), ca.SX(0)
+    for leg in placed.legs:
+        entries = np.flatnonzero(friction_of(leg)).tolist()
+        rates, sizes = leg_rates(leg, moving)[entries], constant(leg.scale[entries])
+        for still in ca.vertsplit(ca.fabs(rates) <= sizes * rest) if entries else []:
+            worst = ca.fmax(worst, still)
+    return {} if worst.is_constant() else {"resting": worst}
 
 
 def balance_legs(
@@ -310,7 +350,8 @@ def forward_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     Returns
     -------
     casadi.Function
-        ``(pose, twist, tau_motor) -> acceleration``, (7, 1), (6, 1), (nu, 1) to (6, 1), with `infeasible` likewise.
+        ``(pose, twist, tau_motor) -> acceleration``, (7, 1), (6, 1), (nu, 1) to (6, 1), with `infeasible` likewise;
+        with dry friction ``resting`` as well.
 
     Raises
     ------
@@ -319,7 +360,8 @@ def forward_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     """
     plan = placed.plan
     twist, tau_motor = ca.SX.sym("twist", 6), ca.SX.sym("tau_motor", len(plan.tree.motors))
-    wrench, columns = balance(placed, twist, ca.SX.zeros(6))
+    moving = platform_motion(plan.tree, placed.pose, twist, ca.SX.zeros(6))
+    wrench, columns = balance_legs(placed, moving, forces_of_legs(placed, moving, starts=False))
     inertia, values = platform_mass_matrix(placed)
     steps, weightless, _ = solve_symmetric(inertia, placed.project(columns @ tau_motor - wrench), values)
     if weightless:
@@ -332,7 +374,7 @@ def forward_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     return shared(
         "forward_dynamics",
         {"pose": placed.pose, "twist": twist, "tau_motor": tau_motor, **placed.outside},
-        {"acceleration": acceleration, **placed.infeasible(twist)},
+        {"acceleration": acceleration, **placed.infeasible(twist), **_resting(placed, twist)},
     )
 
 

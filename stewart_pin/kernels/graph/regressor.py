@@ -13,7 +13,7 @@ import numpy as np
 from stewart_pin.errors import UnsupportedError
 from stewart_pin.kernels.graph.bodies import Wrench, at_rest, carry_down, efforts_of_wrenches, motions
 from stewart_pin.kernels.graph.driven_tree import DrivenTree, driven_motion
-from stewart_pin.kernels.graph.leg_forces import leg_motions, leg_velocities
+from stewart_pin.kernels.graph.leg_forces import leg_accelerations, leg_motions, leg_velocities
 from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, leg_rates, platform_motion
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform, balancing_efforts, motor_columns
 from stewart_pin.kernels.graph.state_functions import openness
@@ -207,8 +207,8 @@ def platform_regressor(placed: PlacedPlatform) -> ca.Function:
     Returns
     -------
     casadi.Function
-        ``(pose, twist, acceleration) -> regressor``, (7, 1), (6, 1), (6, 1) to (nu, 10 bodies), with `infeasible` as
-        inverse dynamics.
+        ``(pose, twist, acceleration) -> regressor``, (7, 1), (6, 1), (6, 1) to (nu, 10 bodies and the rotors), with
+        `infeasible` as inverse dynamics.
 
     Raises
     ------
@@ -227,13 +227,19 @@ def platform_regressor(placed: PlacedPlatform) -> ca.Function:
     moving = platform_motion(plan.tree, placed.pose, twist, acceleration)
     driven = balancing_efforts(placed, ca.SX.eye(6), motor_columns(placed)).T
     columns = {plan.tree.platform: _of_platform(placed, moving, driven)}
+    rotors: dict[int, ca.SX] = {}
     for leg in placed.legs:
-        columns |= _of_leg(placed, leg, moving, driven)
+        bodies, own = _of_leg(placed, leg, moving, driven)
+        columns |= bodies
+        rotors |= own
     return shared(
         "regressor",
         {"pose": placed.pose, "twist": twist, "acceleration": acceleration},
         {
-            "regressor": ca.horzcat(*(columns[k] for k in range(1, len(plan.tree.joints) + 1))),
+            "regressor": ca.horzcat(
+                *(columns[k] for k in range(1, len(plan.tree.joints) + 1)),
+                *(rotors[k] for k in sorted(rotors)),
+            ),
             **placed.infeasible(twist, acceleration),
         },
     )
@@ -255,10 +261,10 @@ def _of_platform(placed: PlacedPlatform, moving: PlatformMotion, driven: ca.SX) 
 
 def _of_leg(
     placed: PlacedPlatform, leg: PlacedLeg, moving: PlatformMotion, driven: ca.SX
-) -> dict[int, ca.SX]:
-    """Columns of the parameters of a leg's bodies, (nu, 10) for each."""
-    joints = leg.leg.joints
-    moved = leg_motions(leg, moving, leg_rates(leg, moving))
+) -> tuple[dict[int, ca.SX], dict[int, ca.SX]]:
+    """Columns of the parameters of a leg's bodies, (nu, 10) for each, and of its rotors, (nu, 1), by tangent entry."""
+    joints, own_rates = leg.leg.joints, leg_rates(leg, moving)
+    moved = leg_motions(leg, moving, own_rates)
     alone = [platform_motion(placed.plan.tree, placed.pose, t, ca.SX.zeros(6)) for t in ca.horzsplit(driven)]
     rates = _driven_rates(placed, leg, alone)
     columns = {}
@@ -272,7 +278,12 @@ def _of_leg(
         else:  # joint efforts take fewer operations, as long as the root of the leg is at rest
             efforts, _ = carry_down(joints, leg.at, {k: (force, moment)}, PER_BODY)
             columns[body] = rates.T @ efforts
-    return columns
+    rotors, a = {}, leg_accelerations(leg, moving, own_rates)
+    for joint, body in zip(joints, leg.leg.bodies, strict=True):
+        entry = placed.plan.tree.joints[body - 1].v.start
+        for k in np.flatnonzero(joint.rotor).tolist():
+            rotors[entry + k] = rates[joint.v.start + k, :].T * a[joint.v.start + k]
+    return columns, rotors
 
 
 def _driven_rates(placed: PlacedPlatform, leg: PlacedLeg, alone: list[PlatformMotion]) -> ca.SX:

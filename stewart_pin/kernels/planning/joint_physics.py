@@ -6,13 +6,14 @@ where anybody may set them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from stewart_pin.model.description import physics_coordinates
 from stewart_pin.state.chain import ClosedChain
 
 if TYPE_CHECKING:
-    from stewart_pin.kernels.planning.tree import Tree
+    from stewart_pin.kernels.planning.tree import Tree, TreeJoint
 
 FIELDS = ("armature", "damping", "upperDryFrictionLimit", "lowerDryFrictionLimit")
 """Fields of the model that constants of kernels are read from."""
@@ -48,6 +49,22 @@ def is_passive(tree: Tree) -> bool:
         Whether there is neither spring nor damping nor dry friction.
     """
     return first_effect(tree) is None
+
+
+def are_passive(joints: Sequence[TreeJoint]) -> bool:
+    """Tell whether joints of a tree do nothing by themselves, but for their rotors.
+
+    Parameters
+    ----------
+    joints
+        The joints.
+
+    Returns
+    -------
+    bool
+        Whether none has a spring, damping or dry friction.
+    """
+    return not any(joint.physics.pushes or joint.damping.any() or joint.friction.any() for joint in joints)
 
 
 def has_friction(tree: Tree) -> bool:

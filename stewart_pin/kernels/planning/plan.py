@@ -163,8 +163,8 @@ def plan_platform(chain: ClosedChain, wrenches: Sequence[str] = ()) -> PlatformP
     Raises
     ------
     UnsupportedError
-        If the platform is not a body that only balls and passive joints tie to the rest, or a joint has a rotor: legs
-        are solved without one.
+        If the platform is not a body that only balls and passive joints tie to the rest, or where legs end, or a ball
+        stands, joints do something by themselves: that is felt by the whole tree.
     """
     tree = tree_of(chain, wrenches)
     _require_free_legs(chain, tree)
@@ -190,17 +190,20 @@ def plan_platform(chain: ClosedChain, wrenches: Sequence[str] = ()) -> PlatformP
 
 
 def _require_free_legs(chain: ClosedChain, tree: Tree) -> None:
-    """Refuse what legs are not solved with: rotors, couplings, a platform that does not move."""
-    rotors = [joint.name for joint in tree.joints if joint.rotor.any()]
-    if rotors:
-        raise _unsupported(chain, f"joint '{rotors[0]}' has a rotor (armature of the model)")
-    effect = first_effect(tree)
-    if effect is not None:
-        raise _unsupported(chain, effect)
+    """Refuse what legs are not solved with: couplings, a platform that does not move, springs where legs end."""
     if not tree.platform:
         raise _unsupported(chain, "the platform is the ground")
     if tree.couplings:
         raise _unsupported(chain, f"row '{chain.loop_table.names[tree.couplings[0].index]}' couples joints")
+    carrier = tree.joints[tree.platform - 1]
+    if carrier.rotor.any():
+        raise _unsupported(
+            chain, f"joint '{carrier.name}', which carries it, has a rotor (armature of the model)"
+        )
+    balls = [joint for joint in tree.joints if joint.kind is JointKind.SPHERICAL and joint.physics.pushes]
+    effect = first_effect(replace(tree, joints=(carrier, *balls)))
+    if effect is not None:
+        raise _unsupported(chain, effect)
 
 
 def platform_twists(chain: ClosedChain, samples: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from stewart_pin.errors import ClosureError, SingularityError, UnsupportedError
-from stewart_pin.mechanics.inverse_dynamics import idle_inertia, inverse_dynamics
+from stewart_pin.mechanics.inverse_dynamics import idle_inertia, inverse_dynamics, take_part
 from stewart_pin.mechanics.kinematics import platform_motion, platform_pose
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.tree import link_frame
@@ -173,15 +173,16 @@ def require_idle_without_effect(chain: ClosedChain, q: Configuration) -> None:
 def require_idle_without_physics(chain: ClosedChain, *, told: bool) -> None:
     """Refuse springs, damping and dry friction of joints that idle motions move, where nothing answers them.
 
-    Neither platform nor motors tell where such a joint stands, and what it does by itself depends on that; and idle
-    freedoms without inertia have no acceleration that it could give them.
+    Neither platform nor motors tell where such a joint stands, and what it does by itself depends on that. Where the
+    whole state is given, idle freedoms without inertia have no acceleration that it could give them, and whether dry
+    friction holds those that are at rest takes a search.
 
     Parameters
     ----------
     chain
         Closed chain.
     told
-        Whether the whole state is given: then only idle freedoms without inertia are in the way.
+        Whether the whole state is given: then only dry friction, and idle freedoms without inertia, are in the way.
 
     Raises
     ------
@@ -198,6 +199,11 @@ def require_idle_without_physics(chain: ClosedChain, *, told: bool) -> None:
         state = chain.at(q)
         idle = state.freedom.idle
         if told:
+            if take_part(state, idle).any():
+                raise UnsupportedError(
+                    f"a joint that idle freedoms of {chain.name} move has dry friction, and whether that holds them at "
+                    "rest takes a search; use the verbs of one state"
+                )
             _, axes, heavy = idle_inertia(state)
             idle = idle @ axes[:, ~heavy]
         rows = np.vstack([np.eye(chain.nv)[pushed], chain.joint_effects.rows(state)])
