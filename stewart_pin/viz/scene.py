@@ -118,8 +118,8 @@ def frame_chains(axis: Any, chain: ClosedChain, shown: list[dict[str, pin.SE3]],
     alone
         Whether there is one drawing only.
     """
-    everything = np.vstack([_points(chain, frames) for frames in shown])
-    low, high = everything.min(axis=0), everything.max(axis=0)
+    everything = np.stack([_points(chain, frames) for frames in shown])
+    low, high = everything.min(axis=(0, 1)), everything.max(axis=(0, 1))
     extent = np.maximum(high - low, 0.15 * (high - low).max())
     for name, middle, size in zip("xyz", (low + high) / 2, extent, strict=True):
         axis.set(
@@ -128,7 +128,7 @@ def frame_chains(axis: Any, chain: ClosedChain, shown: list[dict[str, pin.SE3]],
         axis.locator_params(axis=name, nbins=4)
     axis.set_box_aspect(extent, zoom=0.9 if alone else 0.8)
     axis.tick_params(labelsize=8)
-    _view(axis, extent)
+    _view(axis, extent, np.ptp(everything, axis=0).max(axis=0))
 
 
 def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3], *, ghost: bool) -> None:
@@ -199,10 +199,10 @@ def _around(points: FloatArray) -> FloatArray:
     return points[np.argsort(np.arctan2(out @ second, out @ first))]
 
 
-def _view(axis: Any, extent: FloatArray) -> None:
-    """Look at a planar mechanism from the front, at any other from above and aside."""
+def _view(axis: Any, extent: FloatArray, moved: FloatArray) -> None:
+    """Look at a planar mechanism that moves in its plane from the front, at any other from above and aside."""
     flat = int(np.argmin(extent))
-    if extent[flat] < 0.2 * extent.max():
+    if extent[flat] < 0.2 * extent.max() and moved[flat] <= 0.2 * moved.max():
         elevation, azimuth = ((0, 0), (0, -90), (90, -90))[flat]
         axis.view_init(elev=elevation, azim=azimuth)
         axis.set(**{f"{'xyz'[flat]}ticks": [], f"{'xyz'[flat]}label": ""})

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from numbers import Integral
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.checks import as_number
 from stewart_pin.errors import ConvergenceError, InputError
 from stewart_pin.mechanics.vibration import FrequencyResponse, Vibration
 from stewart_pin.state.chain import ClosedChain
@@ -56,15 +58,23 @@ def plot_mode_shapes(
     Raises
     ------
     InputError
-        If there is no such mode.
+        If there is no such mode, the vibration is one of another chain, or the amplitude is no number.
     MissingExtraError
         If Matplotlib is not installed.
     """
     q, count = as_configuration(chain, "q", q), len(vibration.frequency)
-    chosen = list(range(min(count, 6))) if modes is None else list(modes)
-    wrong = [k for k in chosen if not 0 <= k < count]
-    if wrong or not chosen:
-        raise InputError(f"modes must name some of the {count} vibrations, from 0, got {chosen}")
+    if len(vibration.shape) != chain.nv:
+        raise InputError(
+            f"vibration is one of another chain: its motions have {len(vibration.shape)} entries, those of "
+            f"'{chain.name}' {chain.nv}; pass what natural_frequencies found for this chain, at this q"
+        )
+    chosen = range(min(count, 6)) if modes is None else modes
+    numbers = isinstance(chosen, Iterable) and all(
+        isinstance(k, Integral) and not isinstance(k, bool) and 0 <= k < count for k in chosen
+    )
+    if not numbers or not len(chosen):
+        raise InputError(f"modes must name some of the {count} vibrations, from 0, got {modes!r}")
+    amplitude = as_number("amplitude", amplitude)
     across = min(_ACROSS, len(chosen))
     down = -(-len(chosen) // across)
     figure = new_figure(3.6 * across, 3.2 * down + 0.4)
@@ -126,7 +136,8 @@ def plot_frequency_response(response: FrequencyResponse, *, inputs: Sequence[str
         raise InputError("a frequency response needs two frequencies above zero to be drawn")
     figure = new_figure(1.2 + 3.0 * len(names), 5.2)
     axes = figure.subplots(2, len(names), sharex=True, squeeze=False)
-    frequency, gain, phase = response.frequency[some], response.gain[some], response.phase[some]
+    rising = np.flatnonzero(some)[np.argsort(response.frequency[some], kind="stable")]
+    frequency, gain, phase = response.frequency[rising], response.gain[rising], response.phase[rising]
     for column, name in enumerate(names):
         k = response.inputs.index(name)
         for row, output in enumerate(response.outputs):
@@ -147,5 +158,6 @@ def plot_frequency_response(response: FrequencyResponse, *, inputs: Sequence[str
     found = {
         label: line for axis in axes[0] for line, label in zip(*axis.get_legend_handles_labels(), strict=True)
     }
-    figure.legend(found.values(), found.keys(), loc="outside lower center", ncols=6, frameon=False)
+    drawn = [name for name in response.outputs if name in found]
+    figure.legend([found[name] for name in drawn], drawn, loc="outside lower center", ncols=6, frameon=False)
     return figure
