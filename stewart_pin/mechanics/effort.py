@@ -159,11 +159,24 @@ def hangs(state: State, motions: FloatArray, loads: FloatArray) -> bool:
         True if each is a small share of the weight of the bodies that the motion moves, at the arm by which it moves
         them.
     """
-    return bool((np.abs(loads) <= PRINTED * _sizes(state, motions)).all())
+    return bool((np.abs(loads) <= PRINTED * weight_moved(state, motions)).all())
 
 
-def _sizes(state: State, motions: FloatArray) -> FloatArray:
-    """Weight of each body, times how far its joint and its centre at the end of its arm are moved (k,) [N m]."""
+def weight_moved(state: State, motions: FloatArray) -> FloatArray:
+    """Sum up the weight of each body, times how far a motion moves its joint and its centre at the end of its arm.
+
+    Parameters
+    ----------
+    state
+        State of a chain.
+    motions
+        (nv, k) tangent vectors [m, rad].
+
+    Returns
+    -------
+    numpy.ndarray
+        (k,) size of the efforts of weight along each, before they cancel [N m].
+    """
     model, size = state.chain.model, np.zeros(motions.shape[1])
     data = pin.Data(model)
     pin.computeJointJacobians(model, data, state.q)
@@ -171,7 +184,8 @@ def _sizes(state: State, motions: FloatArray) -> FloatArray:
     for number, body in enumerate(model.inertias):
         if number == 0 or body.mass == 0.0:
             continue
-        J = pin.getJointJacobian(model, data, number, pin.ReferenceFrame.LOCAL) @ motions
+        J = pin.getJointJacobian(model, data, number, pin.ReferenceFrame.LOCAL)
+        J = J.reshape(6, -1) @ motions  # of one coordinate Pinocchio gives (6,)
         arm = float(np.linalg.norm(body.lever))
         moved = np.linalg.norm(J[:3], axis=0) + arm * np.linalg.norm(J[3:], axis=0)
         size += body.mass * gravity * moved

@@ -30,6 +30,7 @@ from stewart_pin.building.joints import without_dry_friction
 from stewart_pin.checks import as_array, as_spread
 from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.mechanics.derivatives import force_derivatives
+from stewart_pin.mechanics.effort import weight_moved
 from stewart_pin.mechanics.equilibrium import coordinate_motions, require_balance
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.state.chain import ClosedChain
@@ -40,6 +41,8 @@ from stewart_pin.typing import ArrayLike, ComplexArray, FloatArray
 
 _NO_STIFFNESS = 1e-9
 """Stiffness of a weightless motion, relative to the largest, below which nothing holds it."""
+_CANCELLED = 64 * np.finfo(float).eps
+"""Share of the sum of its terms, all taken as positive, below which a stiffness is their round-off."""
 _NO_DAMPING = 1e-13
 """Damping of a motion that nothing holds, relative to the largest, below which it is round-off."""
 _SLOW = 1e-5
@@ -186,11 +189,11 @@ def _poles(squares: FloatArray, damping: FloatArray) -> ComplexArray:
     held, free = squares != 0, squares == 0
     rates, axes = np.linalg.eigh(damping[np.ix_(free, free)])
     damped = np.abs(rates) > _NO_DAMPING * np.abs(damping).max()
-    turn = np.zeros((len(squares), np.count_nonzero(held) + np.count_nonzero(damped)))
-    count = np.count_nonzero(held)
+    count = int(np.count_nonzero(held))
+    turn = np.zeros((len(squares), count + int(np.count_nonzero(damped))))
     turn[np.flatnonzero(held), np.arange(count)] = 1.0
     turn[free, count:] = axes[:, damped]
-    zeros = np.zeros(2 * np.count_nonzero(free) - np.count_nonzero(damped))
+    zeros = np.zeros(2 * int(np.count_nonzero(free)) - int(np.count_nonzero(damped)), dtype=complex)
     # States: displacements of what is held, and all rates; this matrix is regular.
     size = count + turn.shape[1]
     system = np.zeros((size, size))
@@ -202,16 +205,18 @@ def _poles(squares: FloatArray, damping: FloatArray) -> ComplexArray:
 
 def _eigenvalues(system: FloatArray) -> ComplexArray:
     """Eigenvalues of a regular matrix, the small ones to their own digits: they are the large ones of its inverse."""
-    fast = np.linalg.eigvals(system).astype(complex)
-    fast = fast[np.argsort(np.abs(fast))]
+    fast = _by_size(np.linalg.eigvals(system))
     if not len(fast) or abs(fast[0]) > _SLOW * abs(fast[-1]):
         return fast
-    slow = 1.0 / np.linalg.eigvals(np.linalg.inv(system)).astype(complex)
-    slow = slow[np.argsort(np.abs(slow))]
+    slow = _by_size(1.0 / np.linalg.eigvals(np.linalg.inv(system)))
     # Each from the end where it is exact; parted at the widest gap, which no pair straddles.
     size = np.log(np.where(np.abs(fast) > _SLOW * abs(fast[-1]), np.abs(fast), np.abs(slow)))
     split = int(np.argmax(np.diff(size))) + 1
     return np.concatenate([slow[:split], fast[split:]])
+
+
+def _by_size(values: FloatArray | ComplexArray) -> ComplexArray:
+    return np.asarray(values, dtype=complex)[np.argsort(np.abs(values))]
 
 
 def _slowest_first(poles: ComplexArray) -> ComplexArray:
@@ -352,9 +357,19 @@ class _Elastic:
     @property
     def twists(self) -> FloatArray:
         """(6, n) twist of the platform per coordinate; idle freedoms leave it at rest, but for round-off."""
-        twists = self.state.P @ self.motions
-        twists[:, twists.shape[1] - self.state.freedom.idle.shape[1] :] = 0.0
-        return twists
+        return _without_idle(self.state, self.state.P @ self.motions)
+
+    @property
+    def share(self) -> FloatArray:
+        """(nu, n) displacement of each motor per coordinate."""
+        return _without_idle(self.state, self.motions[self.state.chain.motor_index])
+
+
+def _without_idle(state: State, effects: FloatArray) -> FloatArray:
+    """Take away what idle freedoms do to motors and platform: round-off, which would couple them to stiff motors."""
+    effects = effects.copy()
+    effects[:, effects.shape[1] - state.freedom.idle.shape[1] :] = 0.0
+    return effects
 
 
 def _elastic(
@@ -378,12 +393,16 @@ def _elastic(
         )
     motions, names = coordinate_motions(state)
     force_q, force_v, inertia = force_derivatives(state, chain.rest, effort.lambda_c, outside)
-    share = motions[chain.motor_index]
+    share = _without_idle(state, motions[chain.motor_index])
     stiffness = share.T @ (springs[:, None] * share)
     if preload:
         geometric = motions.T @ force_q @ motions
         if outside is not None:
             _require_potential(geometric)
+        # What is left of terms that cancel is no stiffness: an idle rod would be held by it, against all others.
+        weights = np.sqrt(weight_moved(state, motions))
+        terms = np.abs(motions).T @ np.abs(force_q) @ np.abs(motions) + np.outer(weights, weights)
+        geometric = np.where(np.abs(geometric) > _CANCELLED * terms, geometric, 0.0)
         stiffness = stiffness + (geometric + geometric.T) / 2
     elif state.effects is not None:
         stiffness = stiffness + motions.T @ state.effects.stiffness() @ motions
@@ -515,7 +534,7 @@ def frequency_response(
         )
     system = _elastic(_at_rest(as_state(chain, q)), motor_stiffness, motor_damping, preload, wrenches)
     state, chain = system.state, system.state.chain
-    share = system.motions[chain.motor_index]
+    share = system.share
     carried, felt, tilted = np.zeros((6, chain.nu)), np.zeros((1, 6)), np.zeros((1, 6))
     if source == "base":
         carried = pin.SE3(np.eye(3), state.pose.translation).toActionMatrixInverse()

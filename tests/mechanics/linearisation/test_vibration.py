@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pinocchio as pin
@@ -58,7 +59,7 @@ def test_springs_count_without_preload_and_their_bending_with_it() -> None:
 
 
 @pytest.mark.parametrize("source", ["base", "motor_position", "motor_effort"])
-def test_a_cart_answers_shaking_as_the_textbook_says(source: str) -> None:
+def test_a_cart_answers_shaking_as_the_textbook_says(source: Any) -> None:
     f = np.array([0.0, 1.0, 3.1, 20.0])
     s = 2j * np.pi * f
     found = stp.dynamics.frequency_response(
@@ -153,7 +154,7 @@ def test_what_has_no_answer_is_refused() -> None:
     with pytest.raises(SingularityError, match=r"at 3\.18\d* Hz a motion is in resonance without damping"):
         ask(cart(), [0.0], frequency=[natural], source="base", motor_stiffness=k)
     with pytest.raises(InputError, match="source must be one of motor_position"):
-        ask(cart(), [0.0], frequency=[1.0], source="floor", motor_stiffness=k)
+        ask(cart(), [0.0], frequency=[1.0], source=cast(Any, "floor"), motor_stiffness=k)
     for wrong in (-1.0, 1e200):
         with pytest.raises(InputError, match="frequency must hold"):
             ask(cart(), [0.0], frequency=[wrong], motor_stiffness=k)
@@ -222,3 +223,20 @@ def test_what_does_not_stay_has_no_vibrations(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="no equilibrium under these efforts: 'hinge' accelerates"):
             verb(chain, [0.0, 1.0], motor_stiffness=1e3)
         verb(chain, [0.0, 1.0], motor_stiffness=1e3, preload=False)
+
+
+def test_idle_rods_take_no_part_in_what_holds_the_platform() -> None:
+    """Each spins freely: what round-off leaves of its stiffness neither holds it nor couples it to stiff motors."""
+    for name in ("delta", "hexapod_rss", "stewart_sps"):
+        chain = robot(name)
+        springs = 1e4 * np.arange(1, chain.nu + 1)
+        found = stp.natural_frequencies(chain, chain.q_home, motor_stiffness=springs)
+        idle = np.array([name.startswith("idle") for name in found.names])
+        assert idle.any() and not found.stiffness[idle].any()
+        soft = stp.dynamics.platform_compliance(chain, chain.q_home, motor_stiffness=springs)
+        stiff = stp.dynamics.platform_stiffness(chain, chain.q_home, motor_stiffness=springs)
+        np.testing.assert_allclose(soft @ stiff @ soft, soft, atol=1e-9 * np.abs(soft).max())
+        still = stp.dynamics.frequency_response(
+            chain, chain.q_home, frequency=[0.0], source="base", motor_stiffness=springs
+        )
+        np.testing.assert_allclose(still.values[0, :3, :3], np.eye(3), atol=1e-9)
