@@ -20,7 +20,7 @@ ALIKE = ("stewart_cad", "stewart_s1")
 """Robots that differ from `stewart` by their numbers only."""
 
 
-TOLD_REAL = tuple(f"{name}{REAL}" for name in ("four_bar", "five_bar", "stewart", "delta"))
+TOLD_REAL = tuple(f"{name}{REAL}" for name in ("four_bar", "five_bar", "stewart", "rpr_planar"))
 """Robots with springs, damping, dry friction and rotors, told in the ways that keep them in the file."""
 _CUT = frozenset({"export", "joint_physics"})
 """Asked joint by joint: one of the tree is a loop now, which MJCF has no springs for; and the other way round."""

@@ -338,19 +338,18 @@ def closed_chain_articulated_body(
     at = np.arange(chain.nc, rows)
     kept[at, at] -= 1 / rotors[lent]
     forces = _loop_forces(chain, kept, relative[:, given], lent)
-    held = _held(chain, resting, response, given, asked, forces)
+    held = _held(resting, response, given, asked, forces)
     total = forces[:, 0] + forces[:, 1:] @ held
     a = response.joint[:, 0] + response.joint[:, asked] @ total + response.joint[:, 1 + rows :] @ held
     return Motion(a=a, lambda_c=total[: chain.nc])
 
 
-_STARTS = 1e-6
-"""Acceleration per effort, in robot sizes and the mass of the robot, from which on a coordinate may start to move: that
-of one that loops hold is round-off, that of a thin rod a hundred or more."""
+_STARTS = 1e-11
+"""Part that closed loops leave of what a coordinate answers to its own effort with open ones, from which on it may
+move: below is round-off of numbers that cancel."""
 
 
 def _held(
-    chain: ClosedChain,
     resting: Sequence[JointCoordinate],
     response: Response,
     given: Sequence[int],
@@ -367,9 +366,8 @@ def _held(
     rates = np.array([own.accelerations(response) for own in resting])
     closed = rates[:, given] + rates[:, asked] @ forces
     pull, units = closed[:, 0] + [own.known for own in resting], closed[:, 1:]
-    sizes = np.array([own.size for own in resting])
-    inertia = chain.length_scale**2 * sum(body.mass for body in chain.model.inertias)
-    able = units.diagonal() * inertia > _STARTS * sizes**2
+    alone = rates[:, list(given)[1:]].diagonal()
+    able = units.diagonal() > _STARTS * alone
     if able.any():
         limits = np.array([own.friction for own in resting])[able]
         held[able] = friction_at_rest(units[np.ix_(able, able)], pull[able], limits)
@@ -523,5 +521,5 @@ def articulated_body_acceleration(
         motion.velocity_product[:, :, None] * first,
         base_acceleration[:, None] * first,
     )
-    held = _held(chain, resting, response, range(given.shape[1]), slice(0), np.zeros((0, given.shape[1])))
+    held = _held(resting, response, range(given.shape[1]), slice(0), np.zeros((0, given.shape[1])))
     return response.joint[:, 0] + response.joint[:, 1:] @ held

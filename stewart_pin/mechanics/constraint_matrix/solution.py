@@ -118,9 +118,10 @@ def constraint_matrix_inverse_dynamics(
     )
 
 
-_STARTS = 1e-6
+_STARTS = 1e-9
 """Acceleration per effort, in robot sizes and the largest inertia, from which on a coordinate is free to start: that of
-one that motors hold is round-off, that of a thin rod a hundred or more."""
+one that motors hold is round-off; that of a thin rod is a hundred or more, times the square of its share in the motion.
+"""
 
 
 def _with_idle_friction(
