@@ -103,7 +103,9 @@ def is_loopback(host: str) -> bool:
 
 def _free_port(host: str, port: int | None) -> int:
     """Refuse a port that is taken: viser would take the next one in silence."""
-    if port is not None and not (isinstance(port, int) and 0 < port < 65536):
+    if not isinstance(host, str):
+        raise InputError(f"host must be an address or a name, as '{LOOPBACK}', got {host!r}")
+    if port is not None and (isinstance(port, bool) or not isinstance(port, int) or not 0 < port < 65536):
         raise InputError(f"port must be from 1 to 65535, got {port!r}")
     try:
         family = socket.getaddrinfo(host, port or 0, type=socket.SOCK_STREAM)[0][0]

@@ -65,8 +65,11 @@ def test_a_port_that_is_taken_is_refused(viewer):
     port = int(viewer.url.rsplit(":", 1)[1])
     with pytest.raises(stp.errors.InputError, match=f"port {port} of 127.0.0.1 cannot be had"):
         stp.view(stp.load("four_bar"), port=port)
-    with pytest.raises(stp.errors.InputError, match="port must be from 1 to 65535, got 0"):
-        stp.view(stp.load("four_bar"), port=0)
+    for wrong in (0, 65536, True, 1.5, "80"):
+        with pytest.raises(stp.errors.InputError, match=f"port must be from 1 to 65535, got {wrong!r}"):
+            stp.view(stp.load("four_bar"), port=wrong)  # type: ignore[arg-type]
+    with pytest.raises(stp.errors.InputError, match="host must be an address or a name"):
+        stp.view(stp.load("four_bar"), host=None)  # type: ignore[arg-type]
 
 
 def test_what_is_no_chain_is_refused():
