@@ -65,8 +65,8 @@ def inverse_dynamics(
         independent check.
     effort_limit
         (nu,) or one number: largest absolute motor effort; (nu, 2): least and greatest one; or ``chain.limits``, what
-        the chain states. Redundant motors then share within it, method ``"pinocchio"`` only; what dry friction of joints
-        at rest might hold is not counted upon [N or N m].
+        the chain states. Redundant motors then share within it, method ``"pinocchio"`` only; what dry friction of
+        joints at rest might hold is not counted upon [N or N m].
     throw
         Whether motors that cannot hold the robot are an error. Otherwise ``"pinocchio"`` keeps the demanded motion,
         with efforts by least squares and what they leave over in ``residual``; ``"constraint_matrix"`` keeps the
