@@ -245,6 +245,24 @@ def with_joint_physics(
     return changed
 
 
+def without_joint_physics(chain: ClosedChain) -> ClosedChain:
+    """Take away all that joints do by themselves.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    ClosedChain
+        With joints that only guide.
+    """
+    names = [joint.name for joint in chain.mechanism.joints if joint.kind is not JointKind.FIXED]
+    names += [each for loop in chain.mechanism.loops for each in _coordinate_names(loop)]
+    return with_joint_physics(chain, dict.fromkeys(names))
+
+
 def without_dry_friction(chain: ClosedChain) -> ClosedChain:
     """Take dry friction away, which has no slope at rest.
 

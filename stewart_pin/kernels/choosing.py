@@ -18,8 +18,9 @@ from stewart_pin.errors import (
 )
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.kernels.kernels import Kernels, compile_kernels
-from stewart_pin.kernels.planning.joint_physics import fields_key, first_effect
+from stewart_pin.kernels.planning.joint_physics import first_effect
 from stewart_pin.model.description import Coupling, JointKind
+from stewart_pin.model.joint_physics import fields_key
 from stewart_pin.programs.arrays import SingleState
 from stewart_pin.programs.passes import prepare
 from stewart_pin.programs.program import Program
@@ -87,7 +88,7 @@ def kernels_for(
                 f"the spring of joint '{turning}' counts whole turns, which a pose does not tell: a motion is followed "
                 "from state to state; limits of position within a turn would tell"
             )
-        return _compiled(chain, fields_key(chain), wrenches)
+        return _compiled(chain, fields_key(chain.model), wrenches)
     except (MissingExtraError, UnsupportedError):
         if wanted:
             raise
@@ -172,7 +173,7 @@ def simulation_kernels(
     if wanted is False or (wanted is None and calls < MANY_CALLS):
         return None
     try:
-        return _compiled_tree(chain, fields_key(chain), threading.get_ident())
+        return _compiled_tree(chain, fields_key(chain.model), threading.get_ident())
     except (MissingExtraError, UnsupportedError, ActuationError, SingularityError):
         if wanted:
             raise

@@ -22,6 +22,7 @@ from stewart_pin.geometry.planar import PlanarRPR, planar_leg_lengths
 from stewart_pin.geometry.rotary import RotaryLegs, crank_angles
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion
+from stewart_pin.model.joint_physics import fields_key
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State
 from stewart_pin.typing import FloatArray
@@ -206,7 +207,13 @@ def admission(chain: ClosedChain, form: Form) -> Admission:
     """
     if form not in chain.found:
         chain.found[form] = _judged(chain, form)
-    return chain.found[form]
+    found = chain.found[form]
+    if form in ("leg_efforts", "point_mass") and chain.joint_effects.present:
+        # Whenever they came: fields of the model may be set by hand.
+        return Admission(
+            form, False, np.inf, "joints have rotors, springs, damping or friction", found.geometry
+        )
+    return found
 
 
 def leg_form(chain: ClosedChain, form: Literal["leg_lengths", "leg_efforts", "point_mass"]) -> LegForm | None:
@@ -224,14 +231,12 @@ def leg_form(chain: ClosedChain, form: Literal["leg_lengths", "leg_efforts", "po
     LegForm or None
         None where the general way has to answer.
     """
-    if form != "leg_lengths" and chain.joint_effects.present:
-        return None  # whenever they came: fields of the model may be set by hand
     found = admission(chain, form)
     return found.geometry if found.admitted and isinstance(found.geometry, LegForm) else None
 
 
 def point_of(chain: ClosedChain) -> ClosedChain:
-    """Return the chain with massless legs and the platform as a point, made once.
+    """Return the chain with massless legs and the platform as a point, made once for what its joints do.
 
     Parameters
     ----------
@@ -243,9 +248,10 @@ def point_of(chain: ClosedChain) -> ClosedChain:
     ClosedChain
         The mechanism of the simplified formula.
     """
-    if "point" not in chain.found:
-        chain.found["point"] = massless_legs(chain, point_platform=True)
-    return chain.found["point"]
+    fields = fields_key(chain.model)
+    if chain.found.get("point", (b"",))[0] != fields:
+        chain.found["point"] = fields, massless_legs(chain, point_platform=True)
+    return chain.found["point"][1]
 
 
 def _judged(chain: ClosedChain, form: Form) -> Admission:

@@ -172,6 +172,26 @@ def write_fields(model: pin.Model, values: Mapping[str, FloatArray]) -> None:
     model.upperDryFrictionLimit, model.lowerDryFrictionLimit = values["friction"], -values["friction"]
 
 
+FIELDS = ("armature", "damping", "upperDryFrictionLimit", "lowerDryFrictionLimit")
+"""Fields of the model that tell what joints do by themselves."""
+
+
+def fields_key(model: pin.Model) -> bytes:
+    """Tell fields of the model that may be set by hand, as a key.
+
+    Parameters
+    ----------
+    model
+        Pinocchio model.
+
+    Returns
+    -------
+    bytes
+        The same while they are.
+    """
+    return b"".join(getattr(model, field).tobytes() for field in FIELDS)
+
+
 def with_physics_of(model: pin.Model, mechanism: Mechanism) -> Mechanism:
     """Write armature, damping and dry friction of a model into the description of its tree.
 

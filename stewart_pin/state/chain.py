@@ -54,9 +54,22 @@ _WHEREVER_HOME_IS = (
         "motor_rows",
         "platform_joint",
     )
-    + ("platform_support", "mass_unit", "mass_model", "scratches")
+    + ("platform_support", "mass_unit", "mass_model", "_scaled_model", "scratches")
 )
 """What a chain finds out about itself that is the same for every home."""
+
+
+class _MassModel:
+    """The model of a chain with its masses in another unit, and rotors as they stand in the model."""
+
+    def __get__(self, chain: ClosedChain, owner: type | None = None) -> pin.Model:
+        if chain.mass_unit == 1.0:
+            vars(chain)["mass_model"] = chain.model  # from now on an attribute like others
+            return chain.model
+        found, rotors = chain._scaled_model, np.array(chain.model.armature) / chain.mass_unit
+        if not np.array_equal(found.armature, rotors):  # set by hand since
+            found.armature = rotors
+        return found
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -341,10 +354,12 @@ class ClosedChain:
         """Power of two by which masses are counted inside: Pinocchio loses sums of masses below 2e-16 [kg]."""
         return mass_unit(inertia.mass for inertia in self.model.inertias)
 
+    mass_model = _MassModel()
+    """Pinocchio model with masses in units of `mass_unit`: `model` itself but for micro-robots."""
+
     @cached_property
-    def mass_model(self) -> pin.Model:
-        """Pinocchio model with masses in units of `mass_unit`: `model` itself but for micro-robots."""
-        return self.model if self.mass_unit == 1.0 else with_masses_in(self.model, self.mass_unit)
+    def _scaled_model(self) -> pin.Model:
+        return with_masses_in(self.model, self.mass_unit)
 
     @cached_property
     def _home_quantities(self) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
 from stewart_pin.brief import Brief
+from stewart_pin.building.joints import without_joint_physics
 from stewart_pin.building.variants import massless_legs, replace_inertias
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.choosing import kernels_for
@@ -49,8 +50,8 @@ class Comparison(Brief):
         Motor forces (N, nu) by method, with massless legs and a point platform [N or N m].
     contributions
         Motor forces (N, nu) that each part is responsible for: the platform as a point, its rotational inertia
-        (with an offset centre of mass), the legs as points, their rotational inertia, and wrenches from outside where
-        there are such; they add up [N or N m].
+        (with an offset centre of mass), the legs as points, their rotational inertia; wrenches from outside, and
+        rotors, springs, damping and friction of joints, where there are such; they add up [N or N m].
     notes
         What was left out, and why.
     """
@@ -198,6 +199,11 @@ def compare_methods(
     if outside is not None:
         contributions["platform mass"] = tree_forces(simple, "pinocchio", "without wrenches", None)
         contributions["wrenches"] = bare - contributions["platform mass"]
+    if chain.joint_effects.present:
+        with_joints = contributions["platform mass"]
+        guiding = without_joint_physics(simple)
+        contributions["platform mass"] = tree_forces(guiding, "pinocchio", "without joints", None)
+        contributions["joints"] = with_joints - contributions["platform mass"]
     return Comparison(
         chain.name, chain.motors, samples.time, forces, simplified, contributions, tuple(dict.fromkeys(notes))
     )

@@ -94,6 +94,22 @@ def test_efforts_are_in_proportion_to_masses(name: str, share: float) -> None:
         close(micro[way], expected, AGREE[share])
 
 
+def test_rotors_set_by_hand_count_as_they_stand(rng: np.random.Generator) -> None:
+    chain, fresh = light("five_bar", 2.0**-60), stp.build.replace_inertias(light("five_bar", 2.0**-60), {})
+    q = random_configuration(chain, rng)
+    v, a = random_motion(chain, rng, q)
+    before = stp.inverse_dynamics(chain, q, v, a).tau_motor
+    found = []
+    for each in (stp.build.replace_inertias(chain, {}), fresh):
+        if each is not fresh:
+            stp.inverse_dynamics(each, q, v, a)
+        each.model.armature = np.full(chain.nv, 2.0**-58)
+        found.append(stp.inverse_dynamics(each, q, v, a).tau_motor)
+        assert len(stp.joint_reactions(each, q, v, stp.inverse_dynamics(each, q, v, a))) > 0
+    np.testing.assert_array_equal(*found)
+    assert np.abs(found[0] - before).max() > 0.1 * np.abs(before).max()
+
+
 def small(chain: stp.ClosedChain, share: float) -> stp.ClosedChain:
     """Scale all lengths of a mechanism whose home is zero, that of gravity's acceleration as well."""
     old = chain.described()

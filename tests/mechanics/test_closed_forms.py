@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -256,3 +257,21 @@ def test_a_guided_platform_has_no_closed_form(tmp_path: Path) -> None:
         chain, stp.motor_positions(chain, chain.q_home), all=True, limits=False
     ).poses
     assert all(np.abs(pose.rotation - np.eye(3)).max() < 1e-9 for pose in poses)
+
+
+@pytest.mark.parametrize("field", ["armature", "damping"])
+def test_what_joints_do_is_asked_for_whenever_it_came(field: str) -> None:
+    # Set by hand in the model, after everything was asked of the bare chain once.
+    chain, fresh = stp.load("stewart"), stp.load("stewart")
+    home = stp.platform_pose(chain, chain.q_home)
+    motion = partial(stp.motions.sinusoidal_motion, home=home, amplitude=(0.05, 0.0, 0.02))
+    answers = [stp.control.Feedforward(chain, motion, model="point_mass")(0.1, chain.q_home, chain.rest)]
+    assert admitted(chain) == FORMS["stewart"]
+    for each in (chain, fresh):
+        setattr(each.model, field, np.full(chain.nv, 3.0))
+        answers.append(
+            stp.control.Feedforward(each, motion, model="point_mass")(0.1, chain.q_home, chain.rest)
+        )
+        assert admitted(each) == {"leg_lengths"}
+    np.testing.assert_allclose(answers[1], answers[2], rtol=1e-12)
+    assert np.abs(answers[1] - answers[0]).max() > 0.1

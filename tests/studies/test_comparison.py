@@ -95,3 +95,21 @@ def test_kernels_that_lose_the_motion_are_no_method(chain: stp.ClosedChain, turn
     assert found.agreement == plain.agreement
     for part, share in plain.contributions.items():
         np.testing.assert_array_equal(found.contributions[part], share)
+
+
+def test_what_joints_do_is_a_share_of_its_own() -> None:
+    chain = stp.load("stewart")
+    own = {"armature": 2.0, "damping": 30.0, "friction": 5.0, "stiffness": 200.0, "rest": 0.9}
+    real = stp.with_joint_physics(chain, dict.fromkeys(chain.motors, own))
+    motion = stp.motions.sinusoidal_motion(
+        np.array([0.02, 0.3]), home=stp.platform_pose(chain, chain.q_home), amplitude=(0.05, 0.0, 0.02)
+    )
+    push = {"platform": [20.0, 0.0, -50.0, 0.0, 0.0, 0.0]}
+    bare, found = (stp.compare_methods(each, motion, wrenches=push) for each in (chain, real))
+    assert max(found.agreement.values()) < 1e-12 and "closed_form" not in found.forces
+    for part, share in bare.contributions.items():
+        np.testing.assert_allclose(found.contributions[part], share, atol=1e-9)
+    joints = found.contributions["joints"]
+    np.testing.assert_allclose(joints, found.reference - bare.reference, atol=1e-9)
+    assert np.abs(joints).max() > 10.0
+    np.testing.assert_allclose(sum(found.contributions.values()), found.reference, atol=1e-9)

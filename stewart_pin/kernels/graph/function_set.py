@@ -46,7 +46,7 @@ from stewart_pin.kernels.graph.verbs import (
     tree_push,
 )
 from stewart_pin.kernels.graph.whole_tree import ClosedTree, close_tree
-from stewart_pin.kernels.planning.joint_physics import FIELDS, has_friction
+from stewart_pin.kernels.planning.joint_physics import has_friction
 from stewart_pin.kernels.planning.plan import plan_platform
 from stewart_pin.kernels.planning.samples import (
     closed_samples,
@@ -60,6 +60,7 @@ from stewart_pin.kernels.planning.samples import (
 from stewart_pin.kernels.planning.tree import tree_of
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.description import JointKind
+from stewart_pin.model.joint_physics import FIELDS
 from stewart_pin.programs.symbolic import drop, writing, written_once
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.outside import outside_places

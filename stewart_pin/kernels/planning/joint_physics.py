@@ -10,29 +10,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from stewart_pin.model.description import physics_coordinates
-from stewart_pin.state.chain import ClosedChain
 
 if TYPE_CHECKING:
     from stewart_pin.kernels.planning.tree import Tree, TreeJoint
-
-FIELDS = ("armature", "damping", "upperDryFrictionLimit", "lowerDryFrictionLimit")
-"""Fields of the model that constants of kernels are read from."""
-
-
-def fields_key(chain: ClosedChain) -> bytes:
-    """Tell fields of the model that may be set by hand, as a key.
-
-    Parameters
-    ----------
-    chain
-        Closed chain.
-
-    Returns
-    -------
-    bytes
-        The same while they are.
-    """
-    return b"".join(getattr(chain.model, field).tobytes() for field in FIELDS)
 
 
 def is_passive(tree: Tree) -> bool:
