@@ -234,7 +234,7 @@ def test_chains_and_states_travel_without_their_scratch(rng: np.random.Generator
     expected = stp.inverse_dynamics(state).tau_motor
     for again in (pickle.loads(pickle.dumps(state)), copy.deepcopy(state)):
         assert np.array_equal(stp.inverse_dynamics(again).tau_motor, expected)
-        assert set(pickle.loads(pickle.dumps(again)).__dict__) == {"chain", "q", "v", "a"}
+        assert set(pickle.loads(pickle.dumps(again)).__dict__) == {"chain", "q", "v", "a", "base_motion"}
     chain = pickle.loads(pickle.dumps(state.chain))
     assert set(vars(chain)) == {"mechanism", "model", "motors", "platform", "q_home"}
     other = moving("stewart", rng)
