@@ -8,6 +8,7 @@ from math import inf, isnan
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from stewart_pin.errors import InputError, MechanismError, UnsupportedError
 from stewart_pin.model.description import (
@@ -25,7 +26,6 @@ from stewart_pin.model.joint_physics import (
     NO_PHYSICS,
     JointPhysics,
     read_fields,
-    set_joint_physics,
     uneven_joint,
     with_physics_of,
     write_fields,
@@ -35,6 +35,7 @@ from stewart_pin.model.validation import validate
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import as_chain
 from stewart_pin.tolerances import HOME_IN_FILE
+from stewart_pin.typing import FloatArray
 
 
 def with_limits(
@@ -237,12 +238,26 @@ def with_joint_physics(
         mechanism = _with_physics(mechanism, name, own)
     validate(mechanism)
     model = chain.model.copy()
-    set_joint_physics(model, mechanism)
+    write_fields(model, _fields_with(chain.model, mechanism, physics))
     changed = replace(chain, mechanism=mechanism, model=model)
     # Ranks and freedoms know nothing of forces.
     if "generic" in vars(chain):
         vars(changed)["generic"] = chain.generic
     return changed
+
+
+def _fields_with(
+    model: pin.Model, mechanism: Mechanism, physics: Mapping[str, JointPhysics | Mapping[str, Any] | None]
+) -> dict[str, FloatArray]:
+    """Fields of the model, as they stand but for what is set: entries of one joint may differ there."""
+    values = read_fields(model)
+    for joint in mechanism.joints:
+        if joint.name in physics and model.existJointName(joint.name):
+            own, entry = physics[joint.name], model.joints[model.getJointId(joint.name)]
+            for field, entries in values.items():
+                if not isinstance(own, Mapping) or field in own:
+                    entries[entry.idx_v : entry.idx_v + entry.nv] = getattr(joint.physics, field)
+    return values
 
 
 def without_joint_physics(chain: ClosedChain) -> ClosedChain:

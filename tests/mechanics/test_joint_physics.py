@@ -203,3 +203,18 @@ def test_balls_do_not_stand_for_a_hinge_with_physics() -> None:
     with pytest.raises(UnsupportedError, match=r"joint 'tip_pin' closes a loop and has damping 0\.15"):
         stp.build.loops_by_balls(effective("five_bar"))
     assert stp.build.loops_by_balls(effective("stewart")).mechanism.loops[2].physics[0].stiffness == (4.0,)
+
+
+def test_what_is_not_named_stays_where_entries_of_a_joint_differ(rng: np.random.Generator) -> None:
+    chain = stp.load("stewart")
+    free = chain.model.joints[chain.model.getJointId("platform_pose")]
+    own = slice(free.idx_v, free.idx_v + free.nv)
+    fields = {"armature": rng.random(chain.nv), "damping": rng.random(chain.nv)}
+    chain.model.armature, chain.model.damping = fields["armature"], fields["damping"]
+    changed = stp.with_joint_physics(chain, {"leg1": {"force": 5.0}})
+    for field, values in fields.items():
+        np.testing.assert_array_equal(getattr(changed.model, field), values)
+    changed = stp.with_joint_physics(chain, {"platform_pose": {"damping": 2.0}})
+    np.testing.assert_array_equal(changed.model.damping[own], 2.0)
+    np.testing.assert_array_equal(changed.model.armature, fields["armature"])
+    assert not stp.with_joint_physics(chain, {"platform_pose": None}).model.armature[own].any()
