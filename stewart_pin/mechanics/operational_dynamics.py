@@ -87,7 +87,8 @@ def motion_map(
     """Find the explicit map from coordinate rates to the motion of the whole chain, and its bias.
 
     Idle freedoms, which no coordinate drives, follow their own inertia as in `inverse_dynamics`: G lets them carry no
-    momentum, and ``gamma`` holds what weight and gyroscopic effects make them do.
+    momentum, and ``gamma`` holds what weight, gyroscopic effects, springs, damping and dry friction of moving joints
+    make them do.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def motion_map(
         If motors or joints do not determine the motion; carries the freedom left over.
     SingularityError
         If the coordinates depend on each other (more motors than freedoms, or a singular configuration); says which
-        do, and proposes independent ones.
+        do, and proposes independent ones. If joints push an idle freedom that has no inertia.
     InputError
         If the state does not keep the loops closed, or the coordinates are unknown.
 
@@ -127,7 +128,11 @@ def motion_map(
     >>> found.G.shape, bool(np.abs(stp.loop_jacobian(chain, chain.q_home) @ found.G).max() < 1e-12)
     ((24, 6), True)
     """
-    return SolvedMap(as_state(chain, q, v), coordinates).record()
+    state = as_state(chain, q, v)
+    solved, own = SolvedMap(state, coordinates), given_efforts(state, None)
+    if own is not None:
+        require_idle_inertia(state, own)
+    return solved.record(own)
 
 
 class SolvedMap:
@@ -193,7 +198,7 @@ class SolvedMap:
         Parameters
         ----------
         pushed
-            (nv,) joint efforts of wrenches from outside, or None [N, N m].
+            (nv,) joint efforts of wrenches from outside and of joints by themselves, or None [N, N m].
 
         Returns
         -------

@@ -12,6 +12,7 @@ import stewart_pin as stp
 from stewart_pin.errors import ActuationError, InputError, SingularityError, UnsupportedError
 from stewart_pin.model.description import JointKind
 from tests.closed_states import along, close, derivative, random_configuration, random_motion, robot
+from tests.joint_physics import physical
 from tests.mechanisms import five_bar, four_bar, rotary_hexapod, two_bodies
 
 CRANK, COUPLER, ROCKER = 0.3, 0.8, 0.6
@@ -240,3 +241,14 @@ def test_a_platform_that_cannot_move_is_refused() -> None:
     chain = replace(four_bar(), platform="ground")
     with pytest.raises(UnsupportedError, match="cannot move"):
         stp.dynamics.motion_map(chain, chain.q_home, coordinates="platform")
+
+
+@pytest.mark.parametrize("ground", [None, stp.dynamics.BaseMotion(twist=[0, 0, 0, 1, 2, 0])])
+def test_the_bias_holds_what_joints_make_idle_freedoms_do(
+    ground: stp.dynamics.BaseMotion | None, rng: np.random.Generator
+) -> None:
+    chain = physical("stewart_sps")  # its rods spin, on springs and in bearings that rub
+    q = random_configuration(chain, rng)
+    state = chain.at(q, *random_motion(chain, rng, q), base_motion=ground)
+    found, effort = stp.dynamics.motion_map(state), stp.inverse_dynamics(state)
+    close(found.G @ effort.a[chain.motor_index] + found.gamma, effort.a, 1e-9)
