@@ -18,6 +18,7 @@ from stewart_pin.model.description import JointKind, Mechanism, Report, unknown_
 from stewart_pin.model.formats.reading import read_mechanism
 from stewart_pin.model.loop_rows import closure_rows
 from stewart_pin.model.roles import motor_candidates, platform_candidates
+from stewart_pin.state.describing import physics_lines
 from stewart_pin.viz.figures import check_picture_path, save_figure
 from stewart_pin.viz.scene import plot_chain
 
@@ -66,7 +67,8 @@ def inspect(
         save_figure(plot_chain(chain), plot)
         console.print(f"robot drawn in {plot}", highlight=False, soft_wrap=True)
     roles = {"motors": chain.motors, "platform": chain.platform, **_candidates(chain.mechanism)}
-    figures = {"robot": chain.name, **sizes, **roles, "mobility": asdict(report)}
+    own = {"by_themselves": physics_lines(chain.mechanism)}
+    figures = {"robot": chain.name, **sizes, **roles, **own, "mobility": asdict(report)}
     write_json(json, figures | {"notes": [asdict(note) for note in chain.mechanism.notes]})
 
 
@@ -115,6 +117,7 @@ def _show_what_is_there(mechanism: Mechanism, json: Path | None, plot: Path | No
         "loops": rows,
         "freedoms_by_count": count,
         **_candidates(mechanism),
+        "by_themselves": physics_lines(mechanism),
         "notes": [asdict(note) for note in mechanism.notes],
     }
     write_json(json, figures)
@@ -149,6 +152,8 @@ def _add_parts(table: Table, mechanism: Mechanism, rows: Mapping[str, int]) -> N
         f"{x.name}: {x.joint1} follows {', '.join(x.joints[1:]) or 'none'}" for x in mechanism.couplings
     ]
     table.add_row("couplings", "\n".join(couplings) or "none")
+    if own := physics_lines(mechanism):
+        table.add_row("by themselves", "\n".join(own))
 
 
 def _add_roles(table: Table, mechanism: Mechanism, motors: Sequence[str], platform: str | None) -> None:

@@ -6,7 +6,7 @@ import textwrap
 from typing import TYPE_CHECKING
 
 from stewart_pin.errors import StewartPinError
-from stewart_pin.model.description import physics_coordinates
+from stewart_pin.model.description import Mechanism, physics_coordinates
 from stewart_pin.model.joint_physics import with_physics_of
 
 if TYPE_CHECKING:
@@ -67,18 +67,35 @@ def _motors(chain: ClosedChain) -> list[str]:
 
 
 def _physics(chain: ClosedChain) -> list[str]:
-    """Tell what joints do by themselves, those that are alike together."""
+    lines = [
+        f"by themselves: {each}" for each in physics_lines(with_physics_of(chain.model, chain.mechanism))
+    ]
+    return _short([w for line in lines for w in textwrap.wrap(line, _WIDTH, subsequent_indent="    ")])
+
+
+def physics_lines(mechanism: Mechanism) -> list[str]:
+    """Tell what joints do by themselves, those that are alike together.
+
+    Parameters
+    ----------
+    mechanism
+        Description.
+
+    Returns
+    -------
+    list of str
+        Joints and their rotors, damping, friction and springs.
+    """
     told: dict[str, list[str]] = {}
-    for joint in with_physics_of(chain.model, chain.mechanism).joints:
+    for joint in mechanism.joints:
         if joint.physics:
             told.setdefault(str(joint.physics), []).append(joint.name)
-    for loop in chain.loops:
+    for loop in mechanism.loops:
         words = physics_coordinates(loop.kind)
         for word, own in zip(words, loop.physics, strict=False):
             if own:
                 told.setdefault(str(own), []).append(loop.name if len(words) == 1 else f"{loop.name} {word}")
-    lines = [f"by themselves: {', '.join(names)}: {own}" for own, names in told.items()]
-    return _short([w for line in lines for w in textwrap.wrap(line, _WIDTH, subsequent_indent="    ")])
+    return [f"{', '.join(names)}: {own}" for own, names in told.items()]
 
 
 def _entries(chain: ClosedChain) -> list[str]:
