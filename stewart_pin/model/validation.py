@@ -519,14 +519,19 @@ def unit_quaternion(quaternion: FloatArray) -> FloatArray | None:
 
 
 def _left_open(quaternion: FloatArray) -> FloatArray:
-    """Half a unit of the last digit of each number, printed with so many decimals or so many digits as any other."""
+    """List what the last digit of each number leaves open, printed with so many decimals or digits as any other.
+
+    A whole unit of it: digits that were cut off, or a turn of rounded numbers, leave more than half of one. Half a unit
+    of numbers with one or two digits, a whole one of which would explain next to anything.
+    """
     found = [Decimal(repr(float(value))).normalize() for value in quaternion]
     decimals = max(-int(number.as_tuple().exponent) for number in found)
     digits = max(len(number.as_tuple().digits) for number in found)
-    by_decimals = 0.5 * 10.0**-decimals if decimals > 0 else 0.0
+    unit = 1.0 if digits > 2 else 0.5
+    by_decimals = unit * 10.0**-decimals if decimals > 0 else 0.0
     # One digit alone says nothing of how the others were printed.
     by_digits = [
-        0.5 * 10.0 ** (number.adjusted() + 1 - digits) if number and digits > 1 else 0.0 for number in found
+        unit * 10.0 ** (number.adjusted() + 1 - digits) if number and digits > 1 else 0.0 for number in found
     ]
     return np.maximum(by_decimals, by_digits)
 

@@ -154,7 +154,13 @@ def test_published_robots(format: str, tmp_path: Path) -> None:
         assert (other.motors, other.platform) == (chain.motors, chain.platform), path
         tried += 1
         if format != "mjcf":
-            assert notes == () and _shapes(other) == _shapes(chain), path
+            # Kept, and told: what other software than ours passes over of joints that do something by themselves.
+            told = [text for _, text in notes if "passes over" not in text]
+            assert not told and _shapes(other) == _shapes(chain), path
+            kept = [
+                {x.name: x.physics for x in each.mechanism.joints if x.physics} for each in (other, chain)
+            ]
+            assert kept[0] == kept[1], path
             np.testing.assert_allclose(other.q_home, chain.q_home, atol=1e-12)
         elif _shapes(other) != _shapes(chain):
             assert any(text.startswith(("visual: left out", "collision: left out")) for _, text in notes), (

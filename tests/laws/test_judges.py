@@ -203,7 +203,7 @@ PLACES = (
     Place("mechanics.constraint_matrix.columns", "transmitted", "axis", loop_of(other_axis), "planar"),
     Place(
         "mechanics.constraint_matrix.columns",
-        "_beside",
+        "axes_beside",
         "sign of the second",
         after(lambda b: (b[0], -b[1])),
         "prismatic",
