@@ -166,6 +166,40 @@ class ConvergenceError(StewartPinError):
         self.residual = residual
 
 
+class EffortLimitError(ConvergenceError):
+    """No motor efforts within their limits carry a load.
+
+    Attributes
+    ----------
+    residual
+        Effort of some motion that is left over [N m].
+    violations
+        ``{motor: (value, least, greatest)}`` of the motors in the way, passing their limits as little as can be [N or
+        N m].
+    """
+
+    def __init__(
+        self, message: str, *, residual: float, violations: dict[str, tuple[float, float, float]]
+    ) -> None:
+        super().__init__(message, residual=residual)
+        self.violations = violations
+
+    def at(self, place: str) -> EffortLimitError:
+        """Tell the same of a place.
+
+        Parameters
+        ----------
+        place
+            Words that go before the message.
+
+        Returns
+        -------
+        EffortLimitError
+            With the same numbers.
+        """
+        return EffortLimitError(f"{place}: {self}", residual=self.residual, violations=self.violations)
+
+
 class MissingExtraError(StewartPinError, ImportError):
     """An optional dependency is not installed.
 

@@ -25,8 +25,8 @@ class Effort(Brief):
     lambda_c
         (nc,) loop reactions: what the closure does to link 2, row by row in loop frame 1 [N and N m].
     unique
-        Whether the motor efforts are the only possible ones; otherwise they are the least-norm ones, in natural units:
-        forces count by ``chain.length_scale``, moments by one.
+        Whether the motor efforts are the only possible ones; otherwise they are the least-norm ones, or what `sharing`
+        asked for, in natural units: forces count by ``chain.length_scale``, moments by one.
     reactions_unique
         Whether the loop reactions are the only possible ones; otherwise they are the least-norm ones, counted likewise.
     a

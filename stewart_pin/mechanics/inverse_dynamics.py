@@ -7,7 +7,7 @@ Everything follows from one equation of motion on the spanning tree,
 Where loop rows and motors are as many as the tangent has entries and far from singular, the square system
 :math:`[J_c; S]^\top` gives both unknowns at once. Elsewhere N, a basis of the motions that keep the loops closed
 (J_c N = 0), splits the equation: Nᵀ times it gives the motor efforts without the reactions, the rest the reactions.
-Efforts within limits come from a quadratic programme.
+How redundant motors share a load within limits tells `sharing`.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from dataclasses import replace
 from typing import Literal, get_args
 
 import numpy as np
-import proxsuite
 
-from stewart_pin.errors import ConvergenceError, InputError, SingularityError
+from stewart_pin.errors import InputError, SingularityError
 from stewart_pin.mechanics.constraint_matrix.solution import constraint_matrix_inverse_dynamics
 from stewart_pin.mechanics.effort import Effort
+from stewart_pin.mechanics.sharing import Sharer, Sharing, sharer
 from stewart_pin.model.tree import Limits
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.freedom import require_held
@@ -43,6 +43,7 @@ def inverse_dynamics(
     wrenches: Wrenches | OutsideWrenches | None = None,
     method: Method = "pinocchio",
     effort_limit: ArrayLike | Limits | None = None,
+    sharing: Sharing = "least_norm",
     throw: bool = True,
 ) -> Effort:
     """Compute the motor efforts that make a chain move as asked.
@@ -67,6 +68,12 @@ def inverse_dynamics(
         (nu,) or one number: largest absolute motor effort; (nu, 2): least and greatest one; or ``chain.limits``, what
         the chain states. Redundant motors then share within it, method ``"pinocchio"`` only; what dry friction of
         joints at rest might hold is not counted upon [N or N m].
+    sharing
+        Which of the efforts that redundant motors may give, within `effort_limit`, method ``"pinocchio"`` only:
+        ``"least_norm"``; ``"least_peak"``: those whose largest absolute value is least, and of these the ones of least
+        norm; ``"mid_range"``: the nearest to the middles of the limits, where a motor that lacks one counts from zero.
+        All are counted in natural units, see Returns. Along a motion the first and the last are continuous as long as
+        the limits leave room; of the second the peak is, while the efforts below it may jump.
     throw
         Whether motors that cannot hold the robot are an error. Otherwise ``"pinocchio"`` keeps the demanded motion,
         with efforts by least squares and what they leave over in ``residual``; ``"constraint_matrix"`` keeps the
@@ -87,6 +94,8 @@ def inverse_dynamics(
     ------
     ActuationError
         If the motors cannot hold the robot; carries the freedom left over and the smallest singular value.
+    EffortLimitError
+        If no efforts within `effort_limit` make it move so; carries the motors in the way and by how much.
     SingularityError
         If the loops have lost a row here, or wrenches push an idle freedom that has no inertia.
     InputError
@@ -108,19 +117,50 @@ def inverse_dynamics(
     outside = None if wrenches is None else as_wrenches(state.chain, wrenches)
     if method not in get_args(Method):
         raise InputError(f"method must be one of {', '.join(get_args(Method))}, got {method!r}")
-    if method == "pinocchio" and effort_limit is None and state.drive is not None:
-        return _with_band(_by_drive(state, state.drive, a, outside), state, outside)
+    usual = effort_limit is None and sharing == "least_norm"
+    sharing_by = None if usual else sharer(state.chain, effort_limit, sharing)
+    if method == "constraint_matrix" and sharing_by is not None:
+        raise InputError(
+            "effort_limit is for method 'pinocchio', and so is sharing; 'constraint_matrix' gives those of least norm"
+        )
+    if method == "pinocchio":
+        return inverse_dynamics_by(state, a, outside, sharing_by, throw=throw)
     # What is singular is a property of the state, so that all methods refuse the same ones.
     if throw:
         require_held(state)
     require_idle_inertia(state, given_efforts(state, outside, a))
-    if method == "constraint_matrix":
-        if effort_limit is not None:
-            raise InputError(
-                "effort_limit is for method 'pinocchio'; 'constraint_matrix' gives the least-norm efforts"
-            )
-        return _with_band(constraint_matrix_inverse_dynamics(state, a, outside, throw=throw), state, outside)
-    return _with_band(_by_motions(state, a, effort_limit, outside), state, outside)
+    return _with_band(constraint_matrix_inverse_dynamics(state, a, outside, throw=throw), state, outside)
+
+
+def inverse_dynamics_by(
+    state: State, a: Tangent, outside: OutsideWrenches | None, sharing: Sharer | None, *, throw: bool = True
+) -> Effort:
+    """Compute inverse dynamics with a `Sharer`, which remembers the limits that held in the state before.
+
+    Parameters
+    ----------
+    state
+        State that `State.require_accelerating` has passed.
+    a
+        (nv,) its acceleration [m/s², rad/s²].
+    outside
+        Wrenches from outside, or None.
+    sharing
+        How redundant motors share within limits; None: by least norm, whatever the limits.
+    throw
+        As in `inverse_dynamics`.
+
+    Returns
+    -------
+    Effort
+        As of `inverse_dynamics`.
+    """
+    if sharing is None and state.drive is not None:
+        return _with_band(_by_drive(state, state.drive, a, outside), state, outside)
+    if throw:
+        require_held(state)
+    require_idle_inertia(state, given_efforts(state, outside, a))
+    return _with_band(_by_motions(state, a, sharing, outside), state, outside)
 
 
 def _with_band(effort: Effort, state: State, outside: OutsideWrenches | None) -> Effort:
@@ -209,19 +249,15 @@ def _by_drive(state: State, drive: Drive, a: Tangent, outside: OutsideWrenches |
     )
 
 
-def _by_motions(
-    state: State, a: Tangent, effort_limit: ArrayLike | Limits | None, outside: OutsideWrenches | None
-) -> Effort:
+def _by_motions(state: State, a: Tangent, sharing: Sharer | None, outside: OutsideWrenches | None) -> Effort:
     """Split the equation of motion by the motions that keep the loops closed."""
     chain, freedom, usual = state.chain, state.freedom, state.chain.generic
     needed, a = _let_idle_go(state, a, freedom.idle, outside)
     load = freedom.motions.T @ needed
-    if effort_limit is None:
+    if sharing is None:
         tau_motor = least_efforts(state, load)
     else:
-        if isinstance(effort_limit, Limits):
-            effort_limit = effort_limit.bounds("effort", chain.motor_index)
-        tau_motor = _bounded_efforts(state, load, effort_limit)
+        tau_motor = sharing.efforts(natural_share(state)[0], load, freedom.count.motor)
     needed[chain.motor_index] -= tau_motor
     lambda_c = least_reactions(state, needed)
     return Effort(
@@ -424,83 +460,3 @@ def require_idle_inertia(state: State, efforts: Tangent | None) -> None:
             direction=direction,
             names=state.chain.tangent_names,
         )
-
-
-# ----------------------------------------------------------------------------------------------------
-# Motor efforts within limits, by a quadratic programme
-# ----------------------------------------------------------------------------------------------------
-
-_ACCURACY = 1e-10
-"""Residual at which the solver stops, relative to the load."""
-_CARRIED = 1e-8
-"""Part of the load that may be left over, relative to it, before it counts as not carried."""
-_AT_LIMIT = 1e-8
-"""Distance from a limit, relative to the load, at which the solver means the limit itself."""
-_UNLIMITED = 1e10
-""""No limit" in the quadratic programme, relative to the load."""
-
-
-def _bounded_efforts(state: State, load: FloatArray, limit: ArrayLike) -> FloatArray:
-    """Find the efforts (nu,) within limits that carry a load, of least norm in natural units.
-
-    The load (dof,) is what `Freedom.motions` need [N m]; limits are one number or (nu,), largest absolute efforts, or
-    (nu, 2), least and greatest ones; inf for none [N or N m].
-    """
-    (share, sizes), rank = natural_share(state), state.freedom.count.motor
-    nu = share.shape[1]
-    bound = _bounds(limit, nu) * sizes[:, None]
-    # Dependent rows (idle freedoms carry no load) are taken out, and the load is scaled to about one.
-    u, s, vt = np.linalg.svd(share, full_matrices=False)
-    pressed = np.maximum(bound[:, 0], -bound[:, 1])  # what a motor has to give at least
-    size = max(float(np.abs(load).max(initial=0.0)), float(pressed.max(initial=0.0))) or 1.0
-    rows, goal = vt[:rank], (u[:, :rank].T @ load) / (s[:rank] * size)
-    qp = proxsuite.proxqp.dense.QP(nu, rows.shape[0], nu)
-    qp.settings.eps_abs = _ACCURACY
-    qp.settings.max_iter = 10_000
-    # No limit is one far beyond what any least-norm solution would use.
-    least, most = np.clip(bound / size, -_UNLIMITED, _UNLIMITED).T
-    qp.init(np.eye(nu), np.zeros(nu), rows, goal, np.eye(nu), least, most)
-    qp.solve()
-    efforts = _polished(qp.results.x, rows, goal, least, most)
-    left = float(np.abs(rows @ efforts - goal).max(initial=0.0))
-    if qp.results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED or left > _CARRIED:
-        raise ConvergenceError(
-            f"no efforts within effort_limit carry the load ({left * size:.3g} N m of some motion is left over); "
-            "raise the limit or slow down",
-            residual=left * size,
-        )
-    return efforts * size / sizes
-
-
-def _bounds(limit: ArrayLike, nu: int) -> FloatArray:
-    """Least and greatest efforts (nu, 2)."""
-    try:
-        bound = np.asarray(limit, dtype=float)
-        if bound.shape != (nu, 2):
-            bound = np.broadcast_to(bound, (nu,))
-    except (TypeError, ValueError):
-        raise InputError(
-            f"effort_limit must be a number or have shape ({nu},), got {np.shape(limit)} of {type(limit).__name__}; "
-            f"with the least efforts first, ({nu}, 2)"
-        ) from None
-    if bound.ndim == 2:
-        if not (bound[:, 0] <= bound[:, 1]).all():
-            raise InputError(f"effort_limit must have the least effort first, got {bound.tolist()}")
-        return bound
-    if not (bound >= 0).all():
-        raise InputError(f"effort_limit must be 0 or more (inf: no limit), got {np.min(bound):g}")
-    return bound[:, None] * [-1.0, 1.0]
-
-
-def _polished(
-    efforts: FloatArray, rows: FloatArray, goal: FloatArray, least: FloatArray, most: FloatArray
-) -> FloatArray:
-    """Put efforts at a limit exactly there and solve for the others: round-off instead of the solver's accuracy."""
-    low, high = efforts < least + _AT_LIMIT, efforts > most - _AT_LIMIT
-    held = low | high
-    exact = np.where(low, least, np.where(high, most, 0.0))
-    exact[~held] = np.linalg.lstsq(rows[:, ~held], goal - rows @ exact, rcond=None)[0]
-    slack = 1e-12 * np.maximum(np.abs(least), np.abs(most))
-    fits = ((exact >= least - slack) & (exact <= most + slack)).all()
-    fits = fits and np.abs(exact - efforts).max(initial=0.0) < 10 * _AT_LIMIT
-    return np.clip(exact if fits else efforts, least, most)

@@ -13,13 +13,15 @@ from scipy.spatial.transform import Rotation
 
 from stewart_pin.brief import Brief
 from stewart_pin.checks import as_array
-from stewart_pin.errors import ClosureError, InputError, UnsupportedError
+from stewart_pin.errors import ClosureError, EffortLimitError, InputError, UnsupportedError
 from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.kernels.kernels import Kernels
 from stewart_pin.mechanics.closed_forms import LegForm, leg_form
-from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics
+from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics_by
 from stewart_pin.mechanics.kinematics import inverse_kinematics, platform_motion
+from stewart_pin.mechanics.sharing import Sharer, Sharing, sharer
 from stewart_pin.model.description import JointKind
+from stewart_pin.model.tree import Limits
 from stewart_pin.motion.joint_motion import asked_of_motors, asked_of_others
 from stewart_pin.motion.simulation.record import Simulation
 from stewart_pin.motion.trajectories import PlatformSamples
@@ -134,6 +136,8 @@ def motor_demand(
     wrenches: MotionWrenches | None = None,
     base_motion: BaseMotions | None = None,
     kernels: bool | None = None,
+    effort_limit: ArrayLike | Limits | None = None,
+    sharing: Sharing = "least_norm",
 ) -> MotorDemand:
     """Compute what a platform motion asks of the motors, whatever the limits; the answer's `check` judges them.
 
@@ -153,6 +157,9 @@ def motor_demand(
     kernels
         Whether to use compiled kernels, where the chain has them; None: for more than a handful of states, of platforms
         with a closed form for tens of thousands. The answer is the same, to round-off.
+    effort_limit, sharing
+        How redundant motors share the load, as in `inverse_dynamics`: cables, which only pull, with ``chain.limits``.
+        Default: by least norm, whatever the limits [N or N m].
 
     Returns
     -------
@@ -169,10 +176,12 @@ def motor_demand(
         If the chain cannot take a pose.
     ActuationError
         If the motors cannot hold it.
+    EffortLimitError
+        If no efforts within `effort_limit` make it move so; the instant is told.
     MissingExtraError
         If kernels are wanted and CasADi is not installed.
     UnsupportedError
-        If kernels are wanted on a ground that moves.
+        If kernels are wanted on a ground that moves, or to share efforts.
     InputError
         If samples, wrenches or motions of the ground are none.
     """
@@ -182,12 +191,19 @@ def motor_demand(
             f"samples must be PlatformSamples, as sinusoidal_motion gives, got {type(samples).__name__}"
         )
     outside, grounds = wrench_samples(chain, wrenches, samples.time), base_motions(base_motion, samples.time)
+    sharing_by = sharer(chain, effort_limit, sharing)
     if grounds is not None:
         if kernels:
             raise UnsupportedError(
                 "kernels know of no ground that moves; leave kernels= out, or base_motion="
             )
-        return _state_by_state(chain, samples, outside, grounds)
+        return _state_by_state(chain, samples, outside, grounds, sharing_by)
+    if sharing_by is not None:
+        if kernels:
+            raise UnsupportedError(
+                "demands within limits are computed state by state; leave kernels= out, or effort_limit= and sharing="
+            )
+        return _state_by_state(chain, samples, outside, None, sharing_by)
     compiled = demand_kernels(chain, len(samples), kernels, outside)
     if compiled is None:
         return demand_by_formula(chain, samples, outside=outside)
@@ -373,6 +389,7 @@ def _state_by_state(
     samples: PlatformSamples,
     outside: WrenchSamples | None = None,
     grounds: Sequence[BaseMotion] | None = None,
+    sharing: Sharer | None = None,
 ) -> MotorDemand:
     shape = (len(samples), chain.nu)
     positions, rates, efforts = np.empty(shape), np.empty(shape), np.empty(shape)
@@ -383,7 +400,11 @@ def _state_by_state(
         pushed = None if outside is None else outside.at(k)
         if grounds is not None:
             state = chain.at(state.q, state.v, state.a, base_motion=grounds[k])
-        q, efforts[k] = state.q, inverse_dynamics(state, wrenches=pushed).tau_motor
+        q, a = state.q, state.require_accelerating()
+        try:
+            efforts[k] = inverse_dynamics_by(state, a, pushed, sharing).tau_motor
+        except EffortLimitError as error:
+            raise error.at(f"at {samples.time[k]:.6g} s, instant {k}") from None
         positions[k], rates[k] = q[chain.motor_q_index], state.v[chain.motor_index]
     return MotorDemand(samples.time, positions, rates, efforts, chain, samples, wrenches=outside)
 
