@@ -1,5 +1,12 @@
 """Velocities and wrenches that motors with limits can give, as polytopes."""
 
+from stewart_pin.mechanics.capability.closure import WrenchClosure as WrenchClosure
+from stewart_pin.mechanics.capability.closure import WrenchFeasibility as WrenchFeasibility
+from stewart_pin.mechanics.capability.closure import WrenchPath as WrenchPath
+from stewart_pin.mechanics.capability.closure import wrench_box as wrench_box
+from stewart_pin.mechanics.capability.closure import wrench_closure as wrench_closure
+from stewart_pin.mechanics.capability.closure import wrench_feasible as wrench_feasible
+from stewart_pin.mechanics.capability.closure import wrench_path as wrench_path
 from stewart_pin.mechanics.capability.limits import velocity_polytope as velocity_polytope
 from stewart_pin.mechanics.capability.limits import wrench_polytope as wrench_polytope
 from stewart_pin.mechanics.capability.polytope import Ball as Ball

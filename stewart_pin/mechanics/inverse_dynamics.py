@@ -252,7 +252,7 @@ def _by_drive(state: State, drive: Drive, a: Tangent, outside: OutsideWrenches |
 def _by_motions(state: State, a: Tangent, sharing: Sharer | None, outside: OutsideWrenches | None) -> Effort:
     """Split the equation of motion by the motions that keep the loops closed."""
     chain, freedom, usual = state.chain, state.freedom, state.chain.generic
-    needed, a = _let_idle_go(state, a, freedom.idle, outside)
+    needed, a = let_idle_go(state, a, freedom.idle, outside)
     load = freedom.motions.T @ needed
     if sharing is None:
         tau_motor = least_efforts(state, load)
@@ -349,10 +349,27 @@ def least_reactions(state: State, efforts: FloatArray) -> FloatArray:
     return motions.reactions(efforts * chain.tangent_scale) / chain.row_sizes
 
 
-def _let_idle_go(
+def let_idle_go(
     state: State, a: Tangent, idle: FloatArray, outside: OutsideWrenches | None
 ) -> tuple[FloatArray, Tangent]:
-    """Tree efforts for the demanded acceleration, idle freedoms replaced by what their own inertia makes them do."""
+    """Compute tree efforts for an acceleration, with that of idle freedoms as their own inertia makes it.
+
+    Parameters
+    ----------
+    state
+        The state.
+    a
+        (nv,) demanded tangent acceleration [m/s², rad/s²].
+    idle
+        (nv, n) idle motions [m, rad].
+    outside
+        Wrenches from outside, or None.
+
+    Returns
+    -------
+    efforts, a : numpy.ndarray
+        (nv,) what motors and loops have to give [N, N m], and the acceleration that follows [m/s², rad/s²].
+    """
     needed = needed_efforts(state, a, outside)
     if not idle.shape[1]:
         return needed, a

@@ -255,9 +255,7 @@ def sharer(chain: ClosedChain, limit: ArrayLike | Limits | None, sharing: Sharin
         if sharing == "least_norm":
             return None
         limit = np.inf
-    if isinstance(limit, Limits):
-        limit = limit.bounds("effort", chain.motor_index)
-    return Sharer(chain, _bounds(limit, chain.nu), sharing)
+    return Sharer(chain, effort_bounds(chain, limit), sharing)
 
 
 def middle_of(least: FloatArray, most: FloatArray) -> FloatArray:
@@ -278,8 +276,29 @@ def middle_of(least: FloatArray, most: FloatArray) -> FloatArray:
         return np.where(both, (least + most) / 2, np.clip(0.0, least, most))
 
 
-def _bounds(limit: ArrayLike, nu: int) -> FloatArray:
-    """Least and greatest efforts (nu, 2)."""
+def effort_bounds(chain: ClosedChain, limit: ArrayLike | Limits) -> FloatArray:
+    """Read limits of efforts.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    limit
+        As in `sharer` [N or N m].
+
+    Returns
+    -------
+    numpy.ndarray
+        (nu, 2) least and greatest efforts, infinite where there is none [N or N m].
+
+    Raises
+    ------
+    InputError
+        If limits have the wrong shape or order.
+    """
+    if isinstance(limit, Limits):
+        limit = limit.bounds("effort", chain.motor_index)
+    nu = chain.nu
     try:
         bound = np.asarray(limit, dtype=float)
         if bound.shape != (nu, 2):

@@ -161,6 +161,11 @@ MISSING: dict[str, tuple[str, Callable[[stp.ClosedChain], Any]]] = {
     "rotary_legs": ("platform", lambda c: stp.rotary.rotary_legs(c)),
     "singularity_map": ("platform", lambda c: stp.singularities.singularity_map(c, [0.0, 0.1], [0.0, 0.1])),
     "velocity_polytope": ("motors", lambda c: stp.polytopes.velocity_polytope(c, c.q_home, rate_limit=1.0)),
+    "wrench_closure": ("motors", lambda c: stp.polytopes.wrench_closure(c, c.q_home)),
+    "wrench_feasible": (
+        "motors",
+        lambda c: stp.polytopes.wrench_feasible(c, c.q_home, wrenches=np.zeros(6)),
+    ),
     "wrench_polytope": ("motors", lambda c: stp.polytopes.wrench_polytope(c, c.q_home, effort_limit=1.0)),
 }
 """Verbs that need a platform or motors, and which they ask for."""

@@ -179,7 +179,7 @@ PLACES = (
     ),
     Place("mechanics.inverse_dynamics", "least_norm", "sign", after(lambda t: -t)),
     Place("mechanics.inverse_dynamics", "least_reactions", "rows in another order", after(swapped(0, 1))),
-    Place("mechanics.inverse_dynamics", "_let_idle_go", "gravity", after(lambda x: (0.9 * x[0], x[1]))),
+    Place("mechanics.inverse_dynamics", "let_idle_go", "gravity", after(lambda x: (0.9 * x[0], x[1]))),
     # kernels
     Place("kernels.graph.loop_rows", "loop_columns", "a row", after(column_sign), "planar"),
     Place("kernels.graph.loop_rows", "loop_bias", "sign", after(lambda b: -b)),

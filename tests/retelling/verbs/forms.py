@@ -31,6 +31,27 @@ def polytopes(t: Telling, c: Case) -> Answers:
     return answers
 
 
+@asks("wrench_closure", "wrench_feasible", "wrench_path", "WrenchClosure", "WrenchFeasibility", "WrenchPath")
+def wrenches_of_motors(t: Telling, c: Case) -> Answers:
+    """Motors that give half of what they hold and up, each to its own side, whichever side the telling counts."""
+    if not t.same_size:
+        return {}
+    q = t.state(c.near)[0]
+    rest = np.zeros(c.chain.nv)
+    held = stp.inverse_dynamics(c.chain, c.near, rest, rest, throw=False).tau_motor
+    size = np.abs(held) + c.effort / c.chain.tangent_scale[c.chain.motor_index]
+    ends = np.sort([t.efforts(held - size), t.efforts(held + size)], axis=0).T
+    both = stp.polytopes.wrench_closure(t.chain, q, effort_limit=ends)
+    state = t.chain.at(q, np.zeros(t.chain.nv), np.zeros(t.chain.nv))
+    found = stp.polytopes.wrench_feasible(state, wrenches=np.zeros(6), effort_limit=ends)
+    path = stp.polytopes.wrench_path([state], wrenches=np.zeros(6), effort_limit=ends)
+    return {
+        "closure": both.holds,
+        "feasible": found.holds and path.holds,
+        "margin": Sized(found.margin, c.effort),
+    }
+
+
 @asks("assembly_modes", kind="slow")
 def assembly_modes(t: Telling, c: Case) -> Answers:
     readings = t.readings(stp.motor_positions(c.chain, c.near))
