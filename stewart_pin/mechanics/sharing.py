@@ -3,9 +3,8 @@ r"""How motors share what the equations of motion leave free, within their limit
 With x the efforts in natural units, all N m, every :math:`x = x_0 + Z y` carries the load: x₀ is the least of them, and
 Z an orthonormal basis of what motors may do against each other. Two questions are asked of that set and the limits:
 
-- the nearest to some efforts, a quadratic programme in y with one solution, solved by ProxQP; what it says of the
-  limits that hold is believed only if the equations of that choice, solved to round-off, have the multipliers of an
-  optimum;
+- the nearest to some efforts, a quadratic programme in y with one solution, by exchanges of the limits that hold, which
+  end at it to round-off; ProxQP, which the linear one is solved by, stops short of it where limits meet;
 - the linear programme :math:`\max s`, with a slack s to every limit: how far efforts may stay from all limits, the
   least peak (limits ± 0, slack - peak), and where there are none, by how much limits are passed at least.
 """
@@ -13,10 +12,9 @@ Z an orthonormal basis of what motors may do against each other. Two questions a
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
-import proxsuite
 
 from stewart_pin.errors import ConvergenceError, EffortLimitError, InputError
 from stewart_pin.model.tree import Limits
@@ -26,20 +24,12 @@ from stewart_pin.typing import ArrayLike, BoolArray, FloatArray
 Sharing = Literal["least_norm", "least_peak", "mid_range"]
 """Which of the efforts that carry a load are taken: see `inverse_dynamics`."""
 
-_ACCURACY = 1e-10
-"""Residual at which the solver stops, relative to the load."""
 _EXCEEDED = 1e-9
 """Share of the load by which a limit may be passed before it counts as not kept: round-off of a state."""
-_AT_LIMIT = 1e-8
-"""Distance from a limit, relative to the load, at which the solver means the limit itself."""
 _EXACT = 1e-12
 """Round-off of efforts, relative to the load or the limit."""
 _PUSHES = 1e-9
 """Multiplier, of a sum of one, from which on a limit has a part in the answer of a linear programme."""
-_PATIENCE = 300
-"""Most iterations; 20 are usual."""
-_UNLIMITED = 1e10
-""""No limit" in the quadratic programme, relative to the load."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +85,6 @@ class Sharer:
     bounds: FloatArray
     sharing: Sharing = "least_norm"
     _last: dict[int, tuple[BoolArray, BoolArray]] = field(default_factory=dict, repr=False)
-    _programmes: dict[int, Any] = field(default_factory=dict, repr=False)
 
     def efforts(self, share: FloatArray, load: FloatArray, rank: int) -> FloatArray:
         """Find the efforts.
@@ -153,35 +142,11 @@ class Sharer:
                 assert held is not None
                 self._last[rank] = held
                 return exact
-        efforts = self._by_programme(free)
-        if efforts is None:
-            return None
-        held = efforts < free.least + _AT_LIMIT, efforts > free.most - _AT_LIMIT
-        exact = _settled(free, *held)
-        if exact is None:
-            return efforts
-        self._last[rank] = held
+        found = _by_exchanges(free)
+        exact = None if found is None else _settled(free, *found)
+        if exact is not None and found is not None:
+            self._last[rank] = found
         return exact
-
-    def _by_programme(self, free: Free) -> FloatArray | None:
-        """Solve the quadratic programme in y, from its last solution."""
-        nu, rank = free.null.shape
-        qp = self._programmes.get(rank)
-        lower, upper = np.clip((free.least - free.start, free.most - free.start), -_UNLIMITED, _UNLIMITED)
-        warm = proxsuite.proxqp.InitialGuess.WARM_START_WITH_PREVIOUS_RESULT
-        if qp is None:
-            qp = self._programmes[rank] = proxsuite.proxqp.dense.QP(rank, 0, nu)
-            qp.settings.eps_abs = _ACCURACY
-            qp.settings.max_iter = _PATIENCE
-            qp.init(np.eye(rank), np.zeros(rank), None, None, free.null, lower, upper)
-        else:
-            qp.settings.initial_guess = warm
-            qp.update(C=free.null, l=lower, u=upper)
-        qp.solve()
-        if qp.results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED:
-            del self._programmes[rank]  # it starts afresh, not from where it was lost
-            return None
-        return free.start + free.null @ qp.results.x
 
     def _least_peak(self, free: Free) -> FloatArray | None:
         """Of the efforts whose largest is least, those of least norm."""
@@ -343,6 +308,50 @@ def _settled(free: Free, low: BoolArray, high: BoolArray) -> FloatArray | None:
             np.isfinite(free.most), np.abs(free.most), 0.0
         )
     return efforts if (free.beyond(efforts) <= _EXACT * np.maximum(1.0, ends)).all() else None
+
+
+def _by_exchanges(free: Free) -> tuple[BoolArray, BoolArray] | None:
+    """Find the limits that hold by exchanging them one by one, or None where efforts within all of them do not exist.
+
+    The dual method of Goldfarb and Idnani, Mathematical Programming 27, 1983: the limit that is passed most is taken
+    in, and one that has come to pull the wrong way is let go. Each exchange makes y² larger.
+    """
+    nu, rank = free.null.shape
+    y, held, signs, push = np.zeros(rank), [], [], np.zeros(0)
+    for _ in range(20 * (nu + rank)):
+        efforts = free.start + free.null @ y
+        beyond = free.beyond(efforts)
+        beyond[held] = 0.0
+        worst = int(beyond.argmax())
+        if beyond[worst] <= _EXACT * max(1.0, float(np.abs(efforts).max())):
+            break
+        sign, new = (1.0, 0.0) if efforts[worst] < free.least[worst] else (-1.0, 0.0)
+        normal = sign * free.null[worst]
+        bound = sign * (free.least if sign > 0 else free.most)[worst] - sign * free.start[worst]
+        while True:
+            rows = np.array(signs)[:, None] * free.null[held]
+            step = np.linalg.lstsq(rows.T, normal, rcond=None)[0] if held else np.zeros(0)
+            direction = normal - rows.T @ step
+            left, gap = float(direction @ direction), bound - float(normal @ y)
+            whole = gap / left if left > 1e-22 * float(normal @ normal) > 0 else np.inf
+            ends = np.where(step > 1e-11, push / np.where(step > 1e-11, step, 1.0), np.inf)
+            go = float(ends.min(initial=np.inf))
+            if whole == go == np.inf:
+                return None
+            far = min(whole, go)
+            push, new = push - far * step, new + far
+            if whole < np.inf:
+                y = y + far * direction
+            if whole <= go:
+                held, signs, push = [*held, worst], [*signs, sign], np.append(push, new)
+                break
+            drop = int(ends.argmin())
+            del held[drop], signs[drop]
+            push = np.delete(push, drop)
+    low, high = np.zeros(nu, dtype=bool), np.zeros(nu, dtype=bool)
+    low[[k for k, sign in zip(held, signs, strict=True) if sign > 0]] = True
+    high[[k for k, sign in zip(held, signs, strict=True) if sign < 0]] = True
+    return low, high
 
 
 # ----------------------------------------------------------------------------------------------------

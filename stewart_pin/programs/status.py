@@ -20,7 +20,7 @@ class StateStatus(enum.IntEnum):
 
     ``BRANCH_LOST``: what is asked for is met on another branch alone than that of home, or of the guess: on the way
     from there is a singularity. ``RESTING``: a joint with dry friction is at rest, and whether that lets it go takes a
-    search.
+    search. ``OUT_OF_LIMITS``: no efforts within their limits make the motion.
     """
 
     OK = 0
@@ -30,6 +30,7 @@ class StateStatus(enum.IntEnum):
     SINGULAR = 4
     BRANCH_LOST = 5
     RESTING = 6
+    OUT_OF_LIMITS = 7
 
 
 @dataclass(frozen=True)

@@ -165,16 +165,18 @@ def by_motors(driven: DrivenPlatform, function: ca.Function) -> ca.Function:
     asked = (driven.jacobian @ twist, velocity)
     if third == "acceleration":
         acceleration = driven.follow(last - drift)
-        result = function.call([placed.pose, twist, acceleration, *acting.values()])[0]
+        found = function.call([placed.pose, twist, acceleration, *acting.values()])
+        results = dict(zip(function.name_out(), found, strict=True))
+        results.pop("infeasible", None)
         beside = driven.infeasible(asked, (driven.jacobian @ acceleration + drift, last))
     else:
         moved, *judged = function.call([placed.pose, twist, last, *acting.values()])
-        result = driven.jacobian @ moved + drift
+        results = {function.name_out(0): driven.jacobian @ moved + drift}
         beside = driven.infeasible(asked) | resting_among(function.name_out()[1:], judged)
     return shared(
         function.name(),
         {"pose": placed.pose, "velocity": velocity, third: last, **acting},
-        {function.name_out(0): result, **beside},
+        {**results, **beside},
     )
 
 

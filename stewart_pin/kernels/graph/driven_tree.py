@@ -24,6 +24,7 @@ from stewart_pin.kernels.graph.platform_kinematics import platform_bias, platfor
 from stewart_pin.kernels.graph.whole_tree import (
     ClosedTree,
     motor_columns,
+    natural_share,
     tree_bias,
     tree_forward_dynamics,
     tree_inverse_dynamics,
@@ -181,6 +182,24 @@ def driven_inverse_dynamics(driven: DrivenTree) -> ca.Function:
     """
     inputs, tau_motor, _, infeasible = _inverse(driven)
     return shared("inverse_dynamics", inputs, {"tau_motor": tau_motor, "infeasible": infeasible})
+
+
+def driven_motor_share(driven: DrivenTree) -> ca.Function:
+    """Write inverse dynamics together with what each motor contributes.
+
+    Parameters
+    ----------
+    driven
+        The chain.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, velocity, acceleration) -> (tau_motor, share, infeasible)``, share (dof, nu) of efforts in natural units.
+    """
+    inputs, tau_motor, _, infeasible = _inverse(driven)
+    outputs = {"tau_motor": tau_motor, "share": natural_share(driven.closed), "infeasible": infeasible}
+    return shared("motor_share", inputs, outputs)
 
 
 def driven_reactions(driven: DrivenTree) -> ca.Function:

@@ -36,6 +36,7 @@ from stewart_pin.kernels.graph.newton_steps import NewtonEquations, damped_step,
 from stewart_pin.kernels.graph.platform_dynamics import PlacedPlatform
 from stewart_pin.kernels.graph.verbs import (
     ANY_STATE,
+    BESIDE,
     DIFFERENTIABLE,
     VERBS,
     Solved,
@@ -308,7 +309,7 @@ class FunctionSet:
         cls = FunctionSet  # rows that held this set would keep it, and its expressions, alive
         rows = {
             name: _Row(partial(cls._verb, verb=verb), verb.solves)
-            for name, verb in VERBS.items()
+            for name, verb in (VERBS | BESIDE).items()
             if self._knows(verb)
         }
         if self.coordinates != "tree":

@@ -236,6 +236,38 @@ def inverse_dynamics_function(placed: PlacedPlatform) -> ca.Function:
     )
 
 
+def motor_share_function(placed: PlacedPlatform) -> ca.Function:
+    """Write inverse dynamics together with what each motor contributes, from which other efforts follow.
+
+    Parameters
+    ----------
+    placed
+        Platform and legs.
+
+    Returns
+    -------
+    casadi.Function
+        ``(pose, twist, acceleration) -> (tau_motor, share)``, the latter (dof, nu) of efforts in natural units, with
+        `infeasible` as for inverse dynamics.
+    """
+    plan = placed.plan
+    require_sufficient_motors(plan.chain)
+    twist, acceleration = ca.SX.sym("twist", 6), ca.SX.sym("acceleration", 6)
+    wrench, columns = balance(placed, twist, acceleration)
+    sizes = plan.chain.tangent_scale[list(plan.tree.motors)]
+    return shared(
+        "motor_share",
+        {"pose": placed.pose, "twist": twist, "acceleration": acceleration, **placed.outside},
+        {
+            "tau_motor": balancing_efforts(placed, wrench, columns),
+            "share": constant(np.diag(placed.twist_scale))
+            @ placed.project(columns)
+            @ ca.diag(constant(1 / sizes)),
+            **placed.infeasible(twist, acceleration),
+        },
+    )
+
+
 def balance(placed: PlacedPlatform, twist: ca.SX, acceleration: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Balance the platform.
 

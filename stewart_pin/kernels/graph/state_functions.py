@@ -10,6 +10,7 @@ from stewart_pin.kernels.graph.joint_effects import resting
 from stewart_pin.kernels.graph.loop_rows import loop_gaps, opposed_axes
 from stewart_pin.kernels.graph.whole_tree import (
     ClosedTree,
+    natural_share,
     tree_bias,
     tree_forward_dynamics,
     tree_inverse_dynamics,
@@ -90,6 +91,24 @@ def judged_inverse_dynamics(closed: ClosedTree) -> ca.Function:
     motion, (tau_motor, _) = _of_state(closed)
     outputs = {"tau_motor": tau_motor, "open": openness(closed, **motion)}
     return shared("inverse_dynamics", {**motion, **closed.outside}, outputs)
+
+
+def judged_motor_share(closed: ClosedTree) -> ca.Function:
+    """Write inverse dynamics together with what each motor contributes, with the same measure.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+
+    Returns
+    -------
+    casadi.Function
+        ``(q, v, a) -> (tau_motor, share, open)``, share (dof, nu) of efforts in natural units.
+    """
+    motion, (tau_motor, _) = _of_state(closed)
+    outputs = {"tau_motor": tau_motor, "share": natural_share(closed), "open": openness(closed, **motion)}
+    return shared("motor_share", {**motion, **closed.outside}, outputs)
 
 
 def judged_forward_dynamics(closed: ClosedTree) -> ca.Function:

@@ -316,6 +316,16 @@ VERBS = {
 }
 """In any coordinates, but for those of poses."""
 
+BESIDE = {
+    "motor_share": Verb(
+        platform_dynamics.motor_share_function,
+        driven_tree.driven_motor_share,
+        state_functions.judged_motor_share,
+        solves="motors",
+    )
+}
+"""What verbs ask beside these: efforts, and how motors share them."""
+
 DIFFERENTIABLE = ("inverse_dynamics", "forward_dynamics")
 """Verbs that are differentiated too: by the state (``_derivatives``), by the geometry (``_by_tree``, ``_by_legs``)."""
 

@@ -364,6 +364,24 @@ def motor_columns(tree: Tree) -> ca.SX:
     return columns
 
 
+def natural_share(closed: ClosedTree) -> ca.SX:
+    """Express what efforts of motors in natural units contribute to the motions of a chain.
+
+    Parameters
+    ----------
+    closed
+        Chain with its loop rows eliminated.
+
+    Returns
+    -------
+    casadi.SX
+        (dof, nu), rows in natural units as well.
+    """
+    sizes = closed.chain.tangent_scale[list(closed.tree.motors)]
+    share = closed.motions.T @ motor_columns(closed.tree)
+    return constant(np.diag(closed.motion_scale)) @ share @ ca.diag(constant(1 / sizes))
+
+
 def idle_accelerations(closed: ClosedTree, needed: ca.SX, idle: ca.SX, scale: FloatArray) -> ca.SX:
     """Find the accelerations with which idle freedoms obey their own inertia.
 

@@ -24,6 +24,9 @@ from stewart_pin.kernels.verbs.configurations import (
 )
 from stewart_pin.kernels.verbs.newton import NewtonSteps, OneSearch, Plans, Solved, straight
 from stewart_pin.kernels.verbs.searching import OtherPivots, SearchingState
+from stewart_pin.kernels.verbs.sharing import SharingState
+from stewart_pin.mechanics.sharing import Sharing
+from stewart_pin.model.tree import Limits
 from stewart_pin.programs.array_kernel import ArrayKernel, Engine, compile_function
 from stewart_pin.programs.arrays import SingleState, as_real, require_apart, require_out
 from stewart_pin.programs.status import StateStatus
@@ -142,17 +145,25 @@ class Caller:
                     self._written[name] = self._functions.function(name)
         return self._written[name]
 
-    def single_state(self, verb: SingleVerb) -> SingleState | SearchingState:
+    def single_state(
+        self,
+        verb: SingleVerb,
+        *,
+        effort_limit: ArrayLike | Limits | None = None,
+        sharing: Sharing = "least_norm",
+    ) -> SingleState | SearchingState | SharingState:
         """Compile a verb for one state at a time, called with a tenth of the overhead.
 
         Parameters
         ----------
         verb
             Name of a verb, as ``"inverse_dynamics"``; those that differentiate by the geometry do so by each parameter.
+        effort_limit, sharing
+            Of ``"inverse_dynamics"``, as of the verb [N or N m].
 
         Returns
         -------
-        SingleState or SearchingState
+        SingleState, SearchingState or SharingState
             Function of one state; its results are those of the verb, bit for bit, in fresh arrays unless it is called
             with ``out=``. The second looks for the pose or the configuration first, as the verb does. Armature, damping
             and friction are those of now, whatever becomes of the model.
@@ -164,6 +175,10 @@ class Caller:
         UnsupportedError
             If the verb is not for these coordinates, or armature, damping or friction have been changed.
         """
+        if effort_limit is not None or sharing != "least_norm":
+            if verb != "inverse_dynamics":
+                raise InputError(f"effort_limit and sharing are for 'inverse_dynamics', got {verb!r}")
+            return SharingState(self, effort_limit, sharing)
         if verb in _OF_POSES:
             self._require_platform(verb)
             if verb == "forward_kinematics" or (verb == "inverse_kinematics" and not self.by_legs):
@@ -179,6 +194,17 @@ class Caller:
         ):
             return kernel.single_state()
         return SearchingState(self, verb)
+
+    def single_share(self) -> SingleState | None:
+        """Compile the efforts of one state with what motors contribute, as `sharing` takes them.
+
+        Returns
+        -------
+        SingleState or None
+            None where pose or configuration must be found first, or other pivots may serve better.
+        """
+        kernel = self._kernel("motor_share")
+        return kernel.single_state() if self._takes_state(kernel) and not self._wary("motor_share") else None
 
     def single_program(self, name: str) -> SingleState:
         """Compile a function for one state at a time, as it is.

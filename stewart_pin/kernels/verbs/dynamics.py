@@ -14,7 +14,11 @@ import numpy as np
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.verbs.calling import Caller, Places, count_states
+from stewart_pin.kernels.verbs.sharing import LimitedSharing
+from stewart_pin.mechanics.sharing import Sharing
+from stewart_pin.model.tree import Limits
 from stewart_pin.programs.arrays import require_apart, require_out
+from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.geometry_parameters import GeometryParameter, geometry_parameters
 from stewart_pin.typing import ArrayLike, FloatArray
 
@@ -32,6 +36,8 @@ class DynamicsVerbs(Caller):
         acceleration: ArrayLike,
         wrenches: ArrayLike | None = None,
         *,
+        effort_limit: ArrayLike | Limits | None = None,
+        sharing: Sharing = "least_norm",
         out: FloatArray | None = None,
         status: np.ndarray | None = None,
         conditioning: FloatArray | None = None,
@@ -45,6 +51,10 @@ class DynamicsVerbs(Caller):
             Motion in the kernels' coordinates, see `Kernels` [m, rad, unit quaternions; per s; per s²].
         wrenches
             (N, 6 k) what acts from outside, for kernels that were compiled for it, see `Kernels` [N, N m].
+        effort_limit, sharing
+            How redundant motors share within limits, as in the verb of one state, by ``"least_norm"`` or
+            ``"mid_range"``; states that have no efforts within the limits have the code ``OUT_OF_LIMITS``. Default: by
+            least norm, whatever the limits [N or N m].
         out, status, conditioning, threads
             Where to write, in any unit, and by how many threads: see `Kernels`.
 
@@ -53,9 +63,41 @@ class DynamicsVerbs(Caller):
         numpy.ndarray
             (N, nu) motor efforts in the order of ``chain.motors``; of least norm in natural units, forces times
             ``chain.length_scale`` beside moments, where motors are redundant [N or N m].
+
+        Raises
+        ------
+        UnsupportedError
+            If the least peak is asked for: it is for the verb of one state.
+        InputError
+            If an option is unknown, or limits have the wrong shape.
         """
         inputs = self._loaded((pose, twist, acceleration), wrenches)
+        if effort_limit is not None or sharing != "least_norm":
+            by = LimitedSharing(self.chain, effort_limit, sharing)
+            return self._shared(by, inputs, Places(out, status, conditioning, threads))
         return self._call("inverse_dynamics", inputs, Places(out, status, conditioning, threads))
+
+    def _shared(self, by: LimitedSharing, inputs: tuple[ArrayLike, ...], places: Places) -> FloatArray:
+        """Share the least efforts anew, within limits."""
+        count = count_states(inputs)
+        n, room = 1 if count is None else count, places.out
+        codes = np.zeros(n, dtype=np.int8)
+        if places.status is not None:
+            require_out("status", places.status, (n,), np.dtype(np.int8))
+        if room is not None:
+            shape = (self.chain.nu,) if count is None else (n, self.chain.nu)
+            require_out("out", np.asarray(room), shape, self._dtype)
+        found, share = self._call("motor_share", inputs, replace(places, out=None, status=codes))
+        efforts = np.array(found, dtype=float).reshape(n, self.chain.nu)
+        share = np.ascontiguousarray(share, dtype=float).reshape(n, -1, self.chain.nu)
+        codes[by.apply(share, efforts, places.threads)] = StateStatus.OUT_OF_LIMITS
+        if places.status is not None:
+            places.status[:] = codes
+        given = efforts.astype(self._dtype, copy=False).reshape(found.shape)
+        if room is None:
+            return given
+        np.asarray(room)[...] = given
+        return np.asarray(room)
 
     def forward_dynamics(
         self,
