@@ -210,8 +210,7 @@ def sharer(chain: ClosedChain, limit: ArrayLike | Limits | None, sharing: Sharin
     InputError
         If an option is unknown, limits have the wrong shape or order, or there are none to take the middle of.
     """
-    if sharing not in get_args(Sharing):
-        raise InputError(f"sharing must be one of {', '.join(get_args(Sharing))}, got {sharing!r}")
+    require_sharing(sharing)
     if limit is None:
         if sharing == "mid_range":
             raise InputError(
@@ -221,6 +220,23 @@ def sharer(chain: ClosedChain, limit: ArrayLike | Limits | None, sharing: Sharin
             return None
         limit = np.inf
     return Sharer(chain, effort_bounds(chain, limit), sharing)
+
+
+def require_sharing(sharing: str) -> None:
+    """Refuse a rule that there is not.
+
+    Parameters
+    ----------
+    sharing
+        What the caller passed.
+
+    Raises
+    ------
+    InputError
+        If it is no `Sharing`.
+    """
+    if sharing not in get_args(Sharing):
+        raise InputError(f"sharing must be one of {', '.join(get_args(Sharing))}, got {sharing!r}")
 
 
 def middle_of(least: FloatArray, most: FloatArray) -> FloatArray:

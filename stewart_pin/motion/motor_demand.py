@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -181,7 +181,7 @@ def motor_demand(
     MissingExtraError
         If kernels are wanted and CasADi is not installed.
     UnsupportedError
-        If kernels are wanted on a ground that moves, or to share efforts.
+        If kernels are wanted on a ground that moves, or for the least peak.
     InputError
         If samples, wrenches or motions of the ground are none.
     """
@@ -198,24 +198,22 @@ def motor_demand(
                 "kernels know of no ground that moves; leave kernels= out, or base_motion="
             )
         return _state_by_state(chain, samples, outside, grounds, sharing_by)
-    if sharing_by is not None:
-        if kernels:
-            raise UnsupportedError(
-                "demands within limits are computed state by state; leave kernels= out, or effort_limit= and sharing="
-            )
-        return _state_by_state(chain, samples, outside, None, sharing_by)
-    compiled = demand_kernels(chain, len(samples), kernels, outside)
+    compiled = demand_kernels(chain, len(samples), kernels, outside, sharing)
     if compiled is None:
-        return demand_by_formula(chain, samples, outside=outside)
+        return demand_by_formula(chain, samples, outside=outside, sharing=sharing_by)
     pushed = () if outside is None else (outside.rows,)
-    found = demands_by_kernels(compiled, [samples], *pushed)[0]
+    found = demands_by_kernels(compiled, [samples], *pushed, sharing=sharing_by)[0]
     if isinstance(found, MotorDemand):
         return replace(found, wrenches=outside)
-    return demand_by_formula(chain, samples, suspect=found, outside=outside)
+    return demand_by_formula(chain, samples, suspect=found, outside=outside, sharing=sharing_by)
 
 
 def demand_kernels(
-    chain: ClosedChain, states: float, wanted: bool | None, outside: WrenchSamples | None = None
+    chain: ClosedChain,
+    states: float,
+    wanted: bool | None,
+    outside: WrenchSamples | None = None,
+    sharing: Sharing | None = None,
 ) -> Kernels | None:
     """Compile kernels, if so many states are worth it.
 
@@ -229,12 +227,25 @@ def demand_kernels(
         True, False or None, as in `motor_demand`.
     outside
         Wrenches from outside, or None.
+    sharing
+        How redundant motors share.
 
     Returns
     -------
     Kernels or None
         Kernels, or None where a demand is better computed without, or the chain has none that know its turns.
+
+    Raises
+    ------
+    UnsupportedError
+        If they are wanted for the least peak.
     """
+    if sharing == "least_peak":
+        if wanted:
+            raise UnsupportedError(
+                "kernels know of no least peak; leave kernels= out, or choose another sharing="
+            )
+        return None
     links = () if outside is None else outside.links
     closed_form = (
         wanted is None
@@ -248,7 +259,11 @@ def demand_kernels(
 
 
 def demands_by_kernels(
-    kernels: Kernels, motions: Sequence[PlatformSamples], pushed: FloatArray | None = None
+    kernels: Kernels,
+    motions: Sequence[PlatformSamples],
+    pushed: FloatArray | None = None,
+    *,
+    sharing: Sharer | None = None,
 ) -> list[MotorDemand | int | None]:
     """Compute the demands of several motions, all states at once.
 
@@ -260,6 +275,8 @@ def demands_by_kernels(
         Motions of the platform.
     pushed
         (N, 6 k) wrenches at all their instants, for kernels that were compiled for some [N, N m].
+    sharing
+        How redundant motors share within limits, or None.
 
     Returns
     -------
@@ -273,13 +290,16 @@ def demands_by_kernels(
     acceleration = np.concatenate([samples.acceleration for samples in motions])
     positions, rates, efforts = (np.empty((len(pose), kernels.chain.nu)) for _ in range(3))
     codes = np.zeros((2, len(pose)), dtype=np.int8)
+    limited: dict[str, Any] = {}
+    if sharing is not None:
+        limited = {"effort_limit": sharing.bounds, "sharing": sharing.sharing}
     for begin in range(0, len(pose), _CHUNK):
         part = slice(begin, begin + _CHUNK)
         state = (pose[part], twist[part], acceleration[part])
         kernels.inverse_kinematics(pose[part], out=positions[part], status=codes[0, part])
         np.einsum("nij,nj->ni", kernels.motor_jacobian(pose[part]), twist[part], out=rates[part])
         loads = () if pushed is None else (pushed[part],)
-        kernels.inverse_dynamics(*state, *loads, out=efforts[part], status=codes[1, part])
+        kernels.inverse_dynamics(*state, *loads, **limited, out=efforts[part], status=codes[1, part])
     answered = (codes == StateStatus.OK).all(axis=0)
     turning = [
         joint.kind is JointKind.REVOLUTE for joint in map(kernels.chain.mechanism.joint, kernels.chain.motors)
@@ -313,6 +333,7 @@ def demand_by_formula(
     *,
     suspect: int | None = None,
     outside: WrenchSamples | None = None,
+    sharing: Sharer | None = None,
 ) -> MotorDemand:
     """Compute a demand in closed form where there is one, and state by state elsewhere.
 
@@ -326,6 +347,8 @@ def demand_by_formula(
         Index of a state that no leg reaches, by its closed form: it is looked at first, so that the error comes soon.
     outside
         Wrenches from outside, or None.
+    sharing
+        How redundant motors share within limits, or None.
 
     Returns
     -------
@@ -338,8 +361,10 @@ def demand_by_formula(
         If the chain cannot take a pose.
     ActuationError
         If the motors cannot hold it.
+    EffortLimitError
+        If no efforts within the limits make it move so.
     """
-    closed_form = leg_form(chain, "leg_efforts")
+    closed_form = leg_form(chain, "leg_efforts") if sharing is None else None
     if closed_form is not None:
         pushed = None if outside is None else outside.on_platform(chain, samples.rotation)
         if outside is None or pushed is not None:
@@ -350,7 +375,7 @@ def demand_by_formula(
         out_of_reach = _reach(chain, *(values.tobytes() for values in place))
         if out_of_reach is not None:
             raise out_of_reach.with_traceback(None)
-    return _state_by_state(chain, samples, outside)
+    return _state_by_state(chain, samples, outside, None, sharing)
 
 
 def _by_closed_form(

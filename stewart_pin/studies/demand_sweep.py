@@ -17,6 +17,7 @@ import numpy as np
 from stewart_pin.errors import InputError
 from stewart_pin.kernels.choosing import require_choice
 from stewart_pin.kernels.kernels import Kernels
+from stewart_pin.mechanics.sharing import Sharer, Sharing, require_sharing, sharer
 from stewart_pin.model.tree import KINDS
 from stewart_pin.motion.motor_demand import (
     MotorDemand,
@@ -69,6 +70,8 @@ class DemandStudy:
         Points that a design has on average: kernels are compiled where its states are worth it.
     limits
         Whether motions are judged by all limits.
+    sharing
+        How redundant motors share within the limits of the chain; None: whatever the limits.
     """
 
     chain: Carried | Callable[..., ClosedChain]
@@ -78,6 +81,7 @@ class DemandStudy:
     kernels: bool | None
     share: float
     limits: bool = False
+    sharing: Sharing | None = None
 
     def __call__(self, points: Sequence[Point]) -> list[Answer]:
         """Answer points.
@@ -100,7 +104,7 @@ class DemandStudy:
                 answers[k] = case
                 continue
             if case.kernels is None:
-                demand = ask(partial(demand_by_formula, case.chain, case.samples), point)
+                demand = ask(self.formula(case), point)
                 answers[k] = demand if isinstance(demand, NoAnswer) else self.figures([demand])[0]
                 continue
             if batch.cases and (case.kernels is not batch.cases[0].kernels or states > _STATES):
@@ -112,6 +116,39 @@ class DemandStudy:
         if batch.cases:
             answers |= batch.answers(self)
         return [answers[k] for k in range(len(points))]
+
+    def sharer(self, chain: ClosedChain) -> Sharer | None:
+        """Read how the motors of a chain share.
+
+        Parameters
+        ----------
+        chain
+            Closed chain.
+
+        Returns
+        -------
+        Sharer or None
+            None: by least norm, whatever the limits.
+        """
+        return None if self.sharing is None else sharer(chain, chain.limits, self.sharing)
+
+    def formula(self, case: Case, suspect: int | None = None) -> Callable[[], MotorDemand]:
+        """Prepare what computes a demand without kernels.
+
+        Parameters
+        ----------
+        case
+            Robot and motion.
+        suspect
+            Index of a state that no leg reaches, or None.
+
+        Returns
+        -------
+        callable
+            Gives the demand.
+        """
+        by = self.sharer(case.chain)
+        return partial(demand_by_formula, case.chain, case.samples, suspect=suspect, sharing=by)
 
     def figures(self, demands: Sequence[MotorDemand]) -> list[Results]:
         """Condense demands.
@@ -161,7 +198,10 @@ class DemandStudy:
         _require(samples, PlatformSamples, "motion", self.motion, point)
         if not len(samples):
             raise InputError(f"motion {function_name(self.motion)} gives no instant at {words(point)}")
-        kernels = ask(lambda: demand_kernels(chain, len(samples) * self.share, self.kernels), point)
+        kernels = ask(
+            lambda: demand_kernels(chain, len(samples) * self.share, self.kernels, sharing=self.sharing),
+            point,
+        )
         return kernels if isinstance(kernels, NoAnswer) else Case(point, chain, samples, kernels)
 
 
@@ -229,10 +269,11 @@ class _Batch:
         assert kernels is not None
         answers: dict[int, Answer] = {}
         known: dict[int, MotorDemand] = {}
-        found = demands_by_kernels(kernels, [case.samples for case in self.cases])
+        by = study.sharer(self.cases[0].chain)
+        found = demands_by_kernels(kernels, [case.samples for case in self.cases], sharing=by)
         for k, case, demand in zip(self.numbers, self.cases, found, strict=True):
             if demand is None or isinstance(demand, int):  # an error, or a motion to be followed
-                demand = ask(partial(demand_by_formula, case.chain, case.samples, suspect=demand), case.point)
+                demand = ask(study.formula(case, demand), case.point)
             if isinstance(demand, NoAnswer):
                 answers[k] = demand
             else:
@@ -295,6 +336,7 @@ def sweep_demand(
     paired: bool = False,
     kernels: bool | None = None,
     limits: bool = False,
+    sharing: Sharing | None = None,
     executor: Executor | None = None,
     journal: str | Path | None = None,
     name: str | None = None,
@@ -321,6 +363,9 @@ def sweep_demand(
     limits
         Whether each motion is judged by all limits that are stated, of passive joints and joints that close loops too,
         which takes a tenth of a millisecond for every instant at which the motors keep theirs.
+    sharing
+        How redundant motors share the load within the effort limits of each chain, as in `inverse_dynamics`: of cables,
+        which only pull; motions beyond them have no answer. Default: by least norm, whatever the limits.
     executor, journal
         As in `sweep`.
     name
@@ -364,20 +409,31 @@ def sweep_demand(
     """
     points = as_points(axes, paired=paired)
     require_choice(kernels)
+    if sharing is not None:
+        require_sharing(sharing)
     of_chain, of_motion = _parameters(chain, motion, list(points.axes))
     groups = points.groups(of_chain) if of_chain else None
     designs = 1 if groups is None else int(groups.max(initial=-1)) + 1
     carried = Carried(_digest(chain), chain) if isinstance(chain, ClosedChain) else chain
     study = DemandStudy(
-        carried, motion, of_chain, of_motion, kernels, points.size / max(1, designs), limits=limits
+        carried,
+        motion,
+        of_chain,
+        of_motion,
+        kernels,
+        points.size / max(1, designs),
+        limits=limits,
+        sharing=sharing,
     )
     if not isinstance(chain, ClosedChain):
         require_portable(executor, chain, function_name(chain))
     require_portable(executor, motion, function_name(motion))
+    called = _name(chain, motion) if name is None else name
+    rules = (" within limits" if limits else "") + (f" by {sharing}" if sharing else "")
     return sweep_study(
         study,
         points,
-        name=(_name(chain, motion) if name is None else name) + (" within limits" if limits else ""),
+        name=called + rules,
         chunk=motions_in_a_task(study, points) if chunk is None else chunk,
         groups=groups,
         executor=executor,

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 import stewart_pin as stp
-from stewart_pin.errors import ConvergenceError, EffortLimitError, InputError
+from stewart_pin.errors import ConvergenceError, EffortLimitError, InputError, UnsupportedError
 from stewart_pin.mechanics.sharing import Sharing
 from tests.closed_states import close, random_configuration, random_motion, robot
 from tests.mechanisms import five_bar
@@ -250,6 +250,47 @@ def test_a_motion_from_limits_to_limits_is_what_its_states_are(sharing) -> None:
         state = stp.platform_motion(chain, samples.pose(k), samples.twist[k], samples.acceleration[k])
         alone = stp.inverse_dynamics(state, effort_limit=chain.limits, sharing=sharing).tau_motor
         np.testing.assert_allclose(demand.efforts[k], alone, rtol=0, atol=1e-9 * np.abs(alone).max())
+
+
+def test_kernels_and_sweeps_share_a_motion_alike() -> None:
+    chain = boxed()
+    samples = swing(chain, 300)
+    for sharing in ("least_norm", "mid_range"):
+        found = {
+            kernels: stp.motor_demand(
+                chain, samples, effort_limit=chain.limits, sharing=sharing, kernels=kernels
+            )
+            for kernels in (False, True)
+        }
+        assert (found[False].method, found[True].method) == ("one_state", "kernels")
+        close(found[True].efforts, found[False].efforts, 1e-9)
+
+    def longer(amplitude: float) -> stp.motions.PlatformSamples:
+        home = stp.platform_pose(chain, chain.q_home)
+        along = {"amplitude": [amplitude, 0, 0], "frequency": [1.5, 0, 0]}
+        return stp.motions.sinusoidal_motion(np.linspace(0, 1, 40), home=home, **along)
+
+    ways: tuple[tuple[Sharing | None, bool | None], ...] = (
+        ("least_norm", True),
+        ("least_peak", None),
+        (None, None),
+    )
+    swept = {
+        sharing: stp.sweep_demand(
+            chain, longer, {"amplitude": [0.1, 0.3, 1.3]}, sharing=sharing, kernels=kernels
+        )
+        for sharing, kernels in ways
+    }
+    assert np.isnan(swept["least_norm"]["peak_effort"][2]).all()
+    assert np.isfinite(swept[None]["peak_effort"]).all()
+    low, peak = (swept[name]["peak_effort"][:2].max(axis=-1) for name in ("least_norm", "least_peak"))
+    assert (peak <= low * (1 + 1e-9)).all()
+    one = stp.motor_demand(chain, longer(0.3), effort_limit=chain.limits, sharing="least_peak")
+    np.testing.assert_array_equal(swept["least_peak"]["peak_effort"][1], one.efforts.max(axis=0))
+    with pytest.raises(UnsupportedError, match="kernels know of no least peak"):
+        stp.motor_demand(chain, samples, sharing="least_peak", kernels=True)
+    with pytest.raises(InputError, match="sharing must be one of"):
+        stp.sweep_demand(chain, longer, {"amplitude": [0.1]}, sharing="fair")  # pyright: ignore[reportArgumentType]
 
 
 def test_a_motion_beyond_the_limits_tells_the_instant() -> None:

@@ -248,9 +248,9 @@ def test_memory_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     states: list[int] = []
     plain = demand_sweep.demands_by_kernels
 
-    def noting(kernels: object, motions: Sequence[stp.motions.PlatformSamples]) -> object:
+    def noting(kernels: object, motions: Sequence[stp.motions.PlatformSamples], **rule) -> object:
         states.append(sum(map(len, motions)))
-        return plain(kernels, motions)
+        return plain(kernels, motions, **rule)
 
     monkeypatch.setattr(demand_sweep, "demands_by_kernels", noting)
     monkeypatch.setattr(demand_sweep, "_STATES", 100)
@@ -308,9 +308,9 @@ def test_a_design_is_built_once_and_compiled_where_it_is_worth_it(monkeypatch: p
 
     plain = demand_sweep.demands_by_kernels
 
-    def noting(kernels, motions) -> object:
+    def noting(kernels, motions, **rule) -> object:
         compiled.append(kernels)
-        return plain(kernels, motions)
+        return plain(kernels, motions, **rule)
 
     monkeypatch.setattr(demand_sweep, "demands_by_kernels", noting)
     axes = {"amplitude": np.linspace(0.01, 0.1, 8), "radius": [0.5, 0.7]}
