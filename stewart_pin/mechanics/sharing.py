@@ -143,10 +143,10 @@ class Sharer:
                 self._last[rank] = held
                 return exact
         found = _by_exchanges(free)
-        exact = None if found is None else _settled(free, *found)
-        if exact is not None and found is not None:
-            self._last[rank] = found
-        return exact
+        if found is None:
+            return None
+        self._last[rank] = found
+        return _settled(free, *found, certain=True)
 
     def _least_peak(self, free: Free) -> FloatArray | None:
         """Of the efforts whose largest is least, those of least norm."""
@@ -298,8 +298,8 @@ def effort_bounds(chain: ClosedChain, limit: ArrayLike | Limits) -> FloatArray:
     return bound[:, None] * [-1.0, 1.0]
 
 
-def _settled(free: Free, low: BoolArray, high: BoolArray) -> FloatArray | None:
-    """Put efforts at their limits exactly there; None where that is not the optimum.
+def _settled(free: Free, low: BoolArray, high: BoolArray, *, certain: bool = False) -> FloatArray | None:
+    """Put efforts at their limits exactly there; None where that is not certainly the optimum.
 
     Of min y² with ``rows y = gap`` at the limits that hold, the optimum is ``y = rowsᵀ m``, with m zero or more at
     lower and zero or less at upper limits.
@@ -311,19 +311,17 @@ def _settled(free: Free, low: BoolArray, high: BoolArray) -> FloatArray | None:
         rows, gap = free.null[held], bound - free.start[held]
         if len(rows) > free.null.shape[1]:
             return None
-        push = np.linalg.lstsq(rows @ rows.T, gap, rcond=1e-14)[0]
-        if (np.where(low[held], push, -push) < -_EXACT * max(1.0, float(np.abs(push).max()))).any():
-            return None
-        y = rows.T @ push
-        if np.abs(rows @ y - gap).max() > _EXACT * max(1.0, float(np.abs(bound).max())):
-            return None
+        y = np.linalg.lstsq(rows, gap, rcond=_EXACT)[0]
+        if not certain:
+            push = np.linalg.lstsq(rows.T, y, rcond=_EXACT)[0]
+            wrong = np.where(low[held], -push, push) > _EXACT * max(1.0, float(np.abs(push).max()))
+            if wrong.any() or np.abs(rows @ y - gap).max() > _EXACT * max(1.0, float(np.abs(bound).max())):
+                return None
         efforts = free.start + free.null @ y
         efforts[held] = bound
-    with np.errstate(invalid="ignore"):
-        ends = np.where(np.isfinite(free.least), np.abs(free.least), 0.0) + np.where(
-            np.isfinite(free.most), np.abs(free.most), 0.0
-        )
-    return efforts if (free.beyond(efforts) <= _EXACT * np.maximum(1.0, ends)).all() else None
+    ends = np.abs([free.least, free.most])
+    size = np.maximum(1.0, np.where(np.isfinite(ends), ends, 0.0).max(axis=0))
+    return efforts if certain or (free.beyond(efforts) <= _EXACT * size).all() else None
 
 
 def _by_exchanges(free: Free) -> tuple[BoolArray, BoolArray] | None:

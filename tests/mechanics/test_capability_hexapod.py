@@ -158,3 +158,32 @@ def test_singular_pose_is_refused(report_ideal: stp.Hexapod) -> None:
 def test_bad_input_is_named(report_cad: stp.Hexapod, call, words) -> None:
     with pytest.raises(InputError, match=words):
         call(report_cad)
+
+
+def test_the_load_of_legs_of_one_side_is_that_of_a_linear_programme(rng: np.random.Generator) -> None:
+    """Max s, s d exerted by forces within limits: least ones above zero, and legs that only push."""
+    hexapod = stp.Hexapod.from_chain(stp.load("stewart"))
+    place, turn = np.array([0.05, 0.02, 1.0]), rotation_from_rpy(0.05, 0.1, 0.02)
+    A = stp.leg_jacobian(hexapod, place, turn).T
+    outcomes = set()
+    for _ in range(40):
+        direction = rng.normal(size=3) * [0.3, 0.3, 1.0]
+        wrench = np.concatenate([direction / np.linalg.norm(direction), np.zeros(3)])
+        limits = np.sort(rng.uniform(-1, 3, (6, 2)) * [100, 1000], axis=1)
+        best = linprog(
+            [-1, *np.zeros(6)], A_eq=np.c_[-wrench, A], b_eq=np.zeros(6), method="highs-ds",
+            bounds=[(None, None), *limits],
+        )  # fmt: skip
+        outcomes.add(best.status)
+        if best.status == 2:
+            with pytest.raises(InputError, match="no force in this direction keeps force_limit"):
+                stp.load_limit(hexapod, place, turn, force_limit=limits, direction=direction)
+            continue
+        found = stp.load_limit(hexapod, place, turn, force_limit=limits, direction=direction)
+        assert found == pytest.approx(-best.fun, rel=1e-9, abs=1e-6)
+    assert outcomes == {0, 2}
+    only_push = stp.load_limit(hexapod, place, turn, force_limit=[[0, 400]] * 6)
+    assert only_push == stp.load_limit(hexapod, place, turn, force_limit=400.0)
+    assert stp.load_limit(hexapod, place, turn, force_limit=[[0, 400]] * 6, direction=[0, 0, -1]) == 0
+    with pytest.raises(InputError, match="least force first"):
+        stp.load_limit(hexapod, place, turn, force_limit=[[4, 0]] * 6)

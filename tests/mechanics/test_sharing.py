@@ -254,7 +254,7 @@ def test_a_motion_from_limits_to_limits_is_what_its_states_are(sharing) -> None:
 
 def test_kernels_and_sweeps_share_a_motion_alike() -> None:
     chain = boxed()
-    samples = swing(chain, 300)
+    samples = swing(chain, 100)
     for sharing in ("least_norm", "mid_range"):
         found = {
             kernels: stp.motor_demand(

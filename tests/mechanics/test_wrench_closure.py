@@ -207,3 +207,20 @@ def test_wrong_arguments() -> None:
     line = planar([(-1, 0), (1, 0)], at_rest=(0.2, 0.0, 0.0))
     with pytest.raises(ActuationError):
         feasible(line, line.q_home, wrenches=np.zeros(6))
+
+
+@pytest.mark.parametrize("build", [lambda: boxed(efforts=(5.0, 300.0)), lambda: crossed((5.0, 60.0))])
+def test_wrenches_of_cables_that_never_go_slack_are_those_of_a_linear_programme(build, rng) -> None:
+    """A polytope around a least tension above zero: in any direction its support is a maximum by HiGHS."""
+    chain = build()
+    found = stp.polytopes.wrench_polytope(chain, chain.q_home, gravity=True)
+    A = exerts(chain, chain.q_home)[
+        [["fx", "fy", "fz", "mx", "my", "mz"].index(name) for name in found.names]
+    ]
+    rest = np.zeros(chain.nv)
+    weight = A @ stp.inverse_dynamics(chain, chain.q_home, rest, rest).tau_motor
+    ends = chain.limits.bounds("effort", chain.motor_index)
+    for direction in rng.normal(size=(5, len(A))):
+        best = linprog(-direction @ A, bounds=ends.tolist(), method="highs-ds")
+        expected = -best.fun - direction @ weight
+        assert stp.polytopes.polytope_support(found, direction) == pytest.approx(expected, rel=1e-9)

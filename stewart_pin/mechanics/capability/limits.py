@@ -450,23 +450,26 @@ def load_limit(
     rotation
         (3, 3) platform axes in the base frame.
     force_limit
-        (6,) or one number: largest absolute leg force [N].
+        (6,) or one number: largest absolute leg force; (6, 2): least and greatest one, positive where a leg pushes the
+        platform away, as (0, f) of one that only pushes [N].
     direction
         (3,) of the force, in base axes; its length does not matter [dimensionless].
 
     Returns
     -------
     float
-        Greatest force; along +z it carries as much weight [N].
+        Greatest force; along +z it carries as much weight. Legs without load are within limits that hold zero; else it
+        may be negative: the least that goes the other way [N].
 
     Raises
     ------
     SingularityError
         If the legs cannot carry every wrench at this pose.
     InputError
-        If an argument has the wrong shape, the direction is zero, or a limit is not finite and above zero.
+        If an argument has the wrong shape, the direction is zero, a limit is not finite and above zero, or no force in
+        this direction keeps least forces that are not zero.
     """
-    limit = as_limit("force_limit", force_limit, 6)
+    limits = _force_limits(force_limit)
     direction = as_array("direction", direction, (3,))
     size = float(np.linalg.norm(direction))
     if size == 0.0:
@@ -475,8 +478,27 @@ def load_limit(
         hexapod, as_array("position", position, (3,)), as_array("rotation", rotation, (3, 3))
     )
     forces = leg_forces_for_wrench(jacobian, np.concatenate([direction / size, np.zeros(3)]))
-    with np.errstate(divide="ignore"):
-        return float((limit / np.abs(forces)).min())
+    idle = forces == 0.0
+    if ((limits[idle, 0] > 0) | (limits[idle, 1] < 0)).any():
+        raise InputError("force_limit asks for a force of a leg that no force in this direction loads")
+    ends = limits[~idle] / forces[~idle, None]
+    least, most = float(ends.min(axis=1).max()), float(ends.max(axis=1).min())
+    if least > most:
+        raise InputError(
+            f"no force in this direction keeps force_limit: one leg asks for {least:.6g} N at least, another for "
+            f"{most:.6g} N at most"
+        )
+    return most
+
+
+def _force_limits(value: ArrayLike) -> FloatArray:
+    """Least and greatest leg forces (6, 2)."""
+    if np.shape(value) != (6, 2):
+        return as_limit("force_limit", value, 6)[:, None] * [-1.0, 1.0]
+    limits = as_array("force_limit", value, (6, 2))
+    if (limits[:, 0] > limits[:, 1]).any():
+        raise InputError(f"force_limit must have the least force first, got {limits.tolist()}")
+    return limits
 
 
 def _require_regular(jacobian: FloatArray, name: str) -> None:
