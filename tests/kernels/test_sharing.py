@@ -149,3 +149,24 @@ def test_wrong_options(many) -> None:
         kernels.single_state("reactions", effort_limit=1.0)
     with pytest.raises(InputError, match="status must be an array int8"):
         kernels.inverse_dynamics(*inputs, effort_limit=1.0, status=np.zeros(3, dtype=np.int8))
+
+
+def test_what_exchanges_bring_to_no_end_the_other_solver_answers(
+    many, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kernels, inputs = many
+    some, limits = [x[:40] for x in inputs], kernels.chain.limits
+
+    def lost(share, tau, sizes, lower, upper, middle, rank, begin, end, codes) -> None:
+        codes[begin:end] = 2
+
+    status, other = np.empty((2, 40), dtype=np.int8)
+    expected = kernels.inverse_dynamics(*some, effort_limit=limits, status=status)
+    monkeypatch.setattr(of_kernels, "_compiled", lambda: lost)
+    found = kernels.inverse_dynamics(*some, effort_limit=limits, status=other)
+    np.testing.assert_array_equal(status, other)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    one = kernels.single_state("inverse_dynamics", effort_limit=limits)
+    for k in range(5):
+        np.testing.assert_array_equal(one(*(x[k] for x in some)), found[k])
+        assert one.status == status[k]

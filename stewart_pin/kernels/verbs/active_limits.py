@@ -255,7 +255,7 @@ def share_all(share, tau, sizes, lower, upper, middle, rank, begin, end, codes) 
     share
         (N, d, nu) contribution of efforts in natural units, dimensionless.
     tau
-        (N, nu) least efforts, to be replaced; states that are nan are left [N or N m].
+        (N, nu) least efforts, to be replaced; states that are nan, or lost, are left [N or N m].
     sizes
         (nu,) by which efforts come to natural units [m or 1].
     lower, upper
@@ -298,5 +298,7 @@ def share_all(share, tau, sizes, lower, upper, middle, rank, begin, end, codes) 
         for i in range(nu):
             scale = max(scale, abs(start[i]))
         codes[n] = _share_one(start, Z, lower, upper, scale, x, limits, vectors, Q, R)
+        if codes[n] == LOST:
+            continue
         for i in range(nu):
             tau[n, i] = x[i] / sizes[i] if codes[n] == OK else np.nan

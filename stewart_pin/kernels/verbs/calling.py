@@ -195,16 +195,37 @@ class Caller:
             return kernel.single_state()
         return SearchingState(self, verb)
 
-    def single_share(self) -> SingleState | None:
+    def single_share(self) -> SingleState | SearchingState:
         """Compile the efforts of one state with what motors contribute, as `sharing` takes them.
 
         Returns
         -------
-        SingleState or None
-            None where pose or configuration must be found first, or other pivots may serve better.
+        SingleState or SearchingState
+            The second where pose or configuration must be found first, or other pivots may serve better.
         """
         kernel = self._kernel("motor_share")
-        return kernel.single_state() if self._takes_state(kernel) and not self._wary("motor_share") else None
+        if self._takes_state(kernel) and not self._wary("motor_share"):
+            return kernel.single_state()
+        return SearchingState(self, "motor_share")
+
+    def answer(self, name: str, *inputs: ArrayLike, status: np.ndarray | None = None) -> Any:
+        """Evaluate a function as verbs do, looking for poses and configurations first where these are needed.
+
+        Parameters
+        ----------
+        name
+            One of `names`.
+        *inputs
+            (N, size) what verbs of the same motion take [any unit].
+        status
+            (N,) int8 array for the codes of the states, or None, dimensionless.
+
+        Returns
+        -------
+        numpy.ndarray or tuple of numpy.ndarray
+            (N, ...) what it gives [any unit].
+        """
+        return self._call(name, inputs, Places(None, status, None, 1))
 
     def single_program(self, name: str) -> SingleState:
         """Compile a function for one state at a time, as it is.

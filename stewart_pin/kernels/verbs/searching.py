@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 import numpy as np
@@ -49,7 +50,7 @@ class SearchingState:
     def __init__(self, caller: Caller, verb: str) -> None:
         self._made_from = (caller, verb)
         self._names, self._sizes, self._quick = _prepared(caller, verb)
-        self._verb: Callable[..., Any] = getattr(caller, verb)
+        self._verb: Callable[..., Any] = getattr(caller, verb, None) or partial(caller.answer, verb)
         self.status = StateStatus.OK
 
     def __reduce__(self) -> tuple[Any, ...]:

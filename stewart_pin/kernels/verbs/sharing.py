@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stewart_pin.errors import EffortLimitError, InputError, UnsupportedError
+from stewart_pin.errors import EffortLimitError, UnsupportedError
 from stewart_pin.mechanics.sharing import Sharer, middle_of, sharer
 from stewart_pin.model.tree import Limits
 from stewart_pin.programs.status import StateStatus
@@ -22,6 +22,7 @@ from stewart_pin.typing import ArrayLike, FloatArray
 
 if TYPE_CHECKING:
     from stewart_pin.kernels.verbs.calling import Caller
+    from stewart_pin.kernels.verbs.searching import SearchingState
     from stewart_pin.programs.arrays import SingleState
 
 _LEAST_SHARE = 256
@@ -62,6 +63,7 @@ class LimitedSharing:
         middle = middle_of(lower, upper) if by.sharing == "mid_range" else np.zeros(chain.nu)
         self._constants = sizes, lower, upper, middle, self.rank
         self._compiled = _compiled()
+        self._code = np.zeros(1, dtype=np.int8)
 
     def apply(self, share: FloatArray, efforts: FloatArray, threads: int = 1) -> np.ndarray:
         """Replace least efforts by those within limits.
@@ -81,7 +83,6 @@ class LimitedSharing:
             (N,) of bool, dimensionless: states that have no efforts within the limits.
         """
         n = len(efforts)
-        least = efforts.copy() if self._compiled is not None else efforts
         if self._compiled is None:
             lost = np.flatnonzero(np.isfinite(efforts).all(axis=1))
             out = np.zeros(n, dtype=bool)
@@ -101,12 +102,38 @@ class LimitedSharing:
                 worker.join()
             out, lost = codes == 1, np.flatnonzero(codes == 2)
         for k in lost:
-            load = share[k] @ (least[k] * self._constants[0])
+            load = share[k] @ (efforts[k] * self._constants[0])
             try:
                 efforts[k] = self._sharer.efforts(share[k], load, self.rank)
             except EffortLimitError:
                 efforts[k], out[k] = np.nan, True
         return out
+
+    def apply_to_one(self, share: FloatArray, efforts: FloatArray) -> bool:
+        """Replace the least efforts of one state, as `apply` does, with less overhead.
+
+        Parameters
+        ----------
+        share
+            (d, nu) what efforts in natural units contribute, dimensionless.
+        efforts
+            (nu,) least efforts, to be replaced [N or N m].
+
+        Returns
+        -------
+        bool
+            Whether there are any within the limits.
+        """
+        if self._compiled is not None and efforts.dtype == float:
+            self._compiled(share[None], efforts[None], *self._constants, 0, 1, self._code)
+            if self._code[0] == 0:
+                return True
+            if self._code[0] == 1:
+                return False
+        one = efforts[None].astype(float)
+        within = not self.apply(share[None].astype(float), one)[0]
+        efforts[:] = one[0]
+        return within
 
 
 def _compiled() -> Callable[..., None] | None:
@@ -135,8 +162,7 @@ class SharingState:
     def __init__(self, caller: Caller, effort_limit: ArrayLike | Limits | None, sharing: Any) -> None:
         self._made_from = (caller, effort_limit, sharing)
         self._sharing = LimitedSharing(caller.chain, effort_limit, sharing)
-        self._state: SingleState | None = caller.single_share()
-        self._verb: Callable[..., Any] = caller.inverse_dynamics  # pyright: ignore[reportAttributeAccessIssue]
+        self._state: SingleState | SearchingState = caller.single_share()
         self.status = StateStatus.OK
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -162,26 +188,10 @@ class SharingState:
         InputError
             If number, shape or type of an argument does not fit.
         """
-        one = self._state
-        if one is None:
-            status, options = np.zeros(1, dtype=np.int8), self._made_from[1:]
-            taken = [np.asarray(x) for x in inputs]
-            if any(x.ndim != 1 for x in taken):
-                raise InputError(
-                    f"arguments must be of one state each, got shapes {[x.shape for x in taken]}"
-                )
-            found = self._verb(
-                *(x[None] for x in taken), effort_limit=options[0], sharing=options[1], status=status
-            )[0]
-            self.status = StateStatus(int(status[0]))
-        else:
-            found, share = one(*inputs)
-            self.status = one.status
-            if self.status is StateStatus.OK:
-                efforts = found[None].astype(float)
-                if self._sharing.apply(share[None].astype(float, copy=False), efforts)[0]:
-                    self.status = StateStatus.OUT_OF_LIMITS
-                found = efforts[0].astype(found.dtype, copy=False)
+        found, share = self._state(*inputs)
+        self.status = self._state.status
+        if self.status is StateStatus.OK and not self._sharing.apply_to_one(share, found):
+            self.status = StateStatus.OUT_OF_LIMITS
         if out is None:
             return found
         out[...] = found
