@@ -48,6 +48,11 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
     were compiled without take none. What spins an idle link that has no inertia has no answer; nor has it, in platform
     and motor coordinates, where it tells how the link stands, as of a thin rod that is round to six digits.
 
+    Kernels that were compiled with `base_motion` take it by that name: a `dynamics.BaseMotion` for all states, one per
+    state, or (N, 16) or (16,) of them: unit quaternion xyzw, twist, acceleration, all in inertial axes, which are those
+    of the wrenches, too [rad, m/s, rad/s, m/s², rad/s²]. States stay relative to the ground. They take the way of the
+    whole tree, and know no derivatives and no `single_state` of dynamics.
+
     What joints do by themselves (`with_joint_physics`) is in all verbs, as it was when the kernels were compiled; where
     armature, damping or friction of the model have been changed since, the verbs say so. Dry friction opposes the
     motion, of a joint at rest the one that `acceleration` starts; forward dynamics of a state in which a joint with dry
@@ -92,7 +97,8 @@ class Kernels(DynamicsVerbs, KinematicsVerbs, DerivativeVerbs, GeometryVerbs):
         return f"<Kernels of {self.chain.name!r} in {self.coordinates} coordinates, {self._dtype}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt, (self.chain, self.coordinates, self._dtype, self._engine, self.wrenches)
+        made = (self.chain, self.coordinates, self._dtype, self._engine, self.wrenches, self.ground_moves)
+        return _rebuilt, made
 
     @property
     def report(self) -> KernelReport:
@@ -120,10 +126,12 @@ def _rebuilt(
     dtype: DTypeLike,
     engine: Engine | None,
     wrenches: tuple[str, ...],
+    ground_moves: bool,
 ) -> Kernels:
     from stewart_pin.kernels.graph.function_set import FunctionSet  # noqa: PLC0415 - needs CasADi
 
-    return Kernels(FunctionSet(chain, coordinates, wrenches=wrenches), dtype, engine)
+    functions = FunctionSet(chain, coordinates, wrenches=wrenches, ground_moves=ground_moves)
+    return Kernels(functions, dtype, engine)
 
 
 # ----------------------------------------------------------------------------------------------------
@@ -285,6 +293,7 @@ def compile_kernels(
     *,
     coordinates: Literal["platform", "motor", "tree"] = "platform",
     wrenches: Sequence[str] = (),
+    base_motion: bool = False,
     dtype: DTypeLike = np.float64,
     engine: Engine | None = None,
 ) -> Kernels:
@@ -300,6 +309,8 @@ def compile_kernels(
     wrenches
         Links on which something acts from outside, ``(chain.platform,)`` for example. The verbs of dynamics then take
         `wrenches` as a further array, (N, 6) or (6,) for each link in this order: see `Kernels`.
+    base_motion
+        Whether the ground moves, as a ship does. The verbs of dynamics then take `base_motion` as well: see `Kernels`.
     dtype
         numpy.float64 or numpy.float32, the type of every operation.
     engine
@@ -341,7 +352,11 @@ def compile_kernels(
         if error.name != "casadi":
             raise
         raise MissingExtraError("casadi", "kernels") from None
-    functions = FunctionSet(chain, coordinates, wrenches=_links(wrenches))
+    if not isinstance(base_motion, bool):
+        raise InputError(
+            f"base_motion must be True or False here, got {type(base_motion).__name__}; the verbs take the motions"
+        )
+    functions = FunctionSet(chain, coordinates, wrenches=_links(wrenches), ground_moves=base_motion)
     if as_real(dtype) == np.float32 and functions.rubs:
         raise UnsupportedError(
             f"joints of {chain.name} have dry friction, and float32 does not tell a joint at rest from one that moves "

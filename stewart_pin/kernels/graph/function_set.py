@@ -100,6 +100,8 @@ class FunctionSet:
         taken apart into legs if it can be [m, rad, unit quaternions].
     wrenches
         Links on which wrenches act from outside.
+    ground_moves
+        Whether the ground moves: then the whole tree is asked, for legs with closed forms stand on one at rest.
 
     Raises
     ------
@@ -116,6 +118,7 @@ class FunctionSet:
         around: Configuration | None = None,
         *,
         wrenches: Sequence[str] = (),
+        ground_moves: bool = False,
     ) -> None:
         if coordinates == "platform":
             chain.platform_link  # noqa: B018 - raises
@@ -125,7 +128,7 @@ class FunctionSet:
         self.chain = chain
         self._fields = {field: getattr(chain.model, field) for field in FIELDS}  # the model's own memory
         self._then = {field: values.tobytes() for field, values in self._fields.items()}
-        self.wrenches = tuple(wrenches)
+        self.wrenches, self.ground_moves = tuple(wrenches), ground_moves
         self._around = around
         self.coordinates: Coordinates = coordinates
         self.placed: PlacedPlatform | None = None
@@ -164,6 +167,8 @@ class FunctionSet:
             require_idle_without_effect(chain, closed_samples(chain, count=1)[0])
             require_standing_points(chain, self.wrenches)
             try:
+                if self.ground_moves:
+                    raise UnsupportedError("the ground moves")
                 if chain.platform is not None:
                     self._take_apart()
                 self.why_whole_tree = "no platform" if chain.platform is None else ""
@@ -187,12 +192,17 @@ class FunctionSet:
     def closed(self) -> ClosedTree:
         """The whole tree with its loop rows eliminated."""
         closed = self.coordinates != "tree"
-        return close_tree(self.chain, self._around, closed=closed, wrenches=self.wrenches)
+        return self._close(self._around, closed=closed)
 
     @written_once
     def any_state(self) -> ClosedTree:
         """The same for states that may be a little off closed loops."""
-        return self.closed if self.coordinates == "tree" else close_tree(self.chain, wrenches=self.wrenches)
+        return self.closed if self.coordinates == "tree" else self._close(None, closed=False)
+
+    def _close(self, around: Configuration | None, *, closed: bool) -> ClosedTree:
+        return close_tree(
+            self.chain, around, closed=closed, wrenches=self.wrenches, ground_moves=self.ground_moves
+        )
 
     @property
     def rubs(self) -> bool:
@@ -222,7 +232,9 @@ class FunctionSet:
         UnsupportedError
             If the loops close at no displacement.
         """
-        return FunctionSet(self.chain, self.coordinates, q, wrenches=self.wrenches)
+        return FunctionSet(
+            self.chain, self.coordinates, q, wrenches=self.wrenches, ground_moves=self.ground_moves
+        )
 
     def around_home(self, state: str) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Tell from where Newton steps look for a state.

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from stewart_pin.errors import UnsupportedError
-from stewart_pin.kernels.graph.bodies import Wrench, at_rest, carry_down, efforts_of_wrenches, motions
+from stewart_pin.kernels.graph.bodies import Wrench, carry_down, efforts_of_wrenches, motions
 from stewart_pin.kernels.graph.driven_tree import DrivenTree, driven_motion
 from stewart_pin.kernels.graph.leg_forces import leg_accelerations, leg_motions, leg_velocities
 from stewart_pin.kernels.graph.legs import PlacedLeg, PlatformMotion, leg_rates, platform_motion
@@ -52,7 +52,9 @@ def tree_regressor(closed: ClosedTree) -> ca.Function:
     v, a = ca.SX.sym("v", closed.tree.nv), ca.SX.sym("a", closed.tree.nv)
     inputs = {"q": closed.q, "v": v, "a": a}
     return shared(
-        "regressor", inputs, {"regressor": _regressor(closed, v, a), "open": openness(closed, **inputs)}
+        "regressor",
+        {**inputs, **closed.moving_ground},
+        {"regressor": _regressor(closed, v, a), "open": openness(closed, **inputs)},
     )
 
 
@@ -78,6 +80,7 @@ def driven_regressor(driven: DrivenTree) -> ca.Function:
     """
     inputs, v, a, infeasible = driven_motion(driven)
     regressor = _regressor(driven.closed, v, a)
+    inputs |= driven.closed.moving_ground
     return shared("regressor", inputs, {"regressor": regressor, "infeasible": infeasible})
 
 
@@ -88,7 +91,7 @@ def _regressor(closed: ClosedTree, v: ca.SX, a: ca.SX) -> ca.SX:
     bodies = PER_BODY * len(tree.joints)
     rotors = [joint.v.start + k for joint in tree.joints for k in np.flatnonzero(joint.rotor).tolist()]
     parameters = ca.SX.sym("parameters", bodies + len(rotors))
-    moving = motions(tree.joints, closed.at, v, a, at_rest(constant(tree.gravity)))
+    moving = motions(tree.joints, closed.at, v, a, closed.root)
     wrenches = {}
     for k in range(1, len(tree.joints) + 1):
         force, moment = wrenches_per_parameter(

@@ -20,7 +20,7 @@ from stewart_pin.kernels.graph import (
     platform_kinematics,
     state_functions,
 )
-from stewart_pin.kernels.graph.bodies import efforts_of_wrenches, outside_wrenches
+from stewart_pin.kernels.graph.bodies import efforts_of_wrenches, outside_input, outside_wrenches
 from stewart_pin.kernels.graph.driven_tree import DrivenTree
 from stewart_pin.kernels.graph.held_motion import HeldMotion
 from stewart_pin.kernels.graph.leg_forces import acting_on
@@ -189,7 +189,7 @@ def tree_push(closed: ClosedTree, told: FloatArray) -> ca.Function | None:
     )
     pushes = _unanswered(idle, inertia_times(closed, idle), efforts, closed.values)
     pushes += ca.vertsplit(idle.T @ telling)
-    return _pushed({"q": closed.q, **closed.outside}, pushes, closed.chain.length_scale)
+    return _pushed({"q": closed.q, **outside_input(closed.wrenches)}, pushes, closed.chain.length_scale)
 
 
 def _unanswered(

@@ -16,6 +16,7 @@ import numpy as np
 from stewart_pin.errors import SingularityError
 from stewart_pin.kernels.graph.bodies import (
     Placements,
+    RootMotion,
     at_rest,
     joint_placement,
     motions,
@@ -68,6 +69,9 @@ class ClosedTree:
         (samples, nq) configurations around home, by which it is judged what is usual [m, rad, unit quaternions].
     wrenches
         (n, 1) symbols of what acts from outside, in world axes.
+    ground
+        (9, 1) symbols of how the ground moves, in its own axes: the acceleration of its origin less that of free fall,
+        its angular velocity and its angular acceleration; (0, 1) where it rests.
     """
 
     chain: ClosedChain
@@ -80,11 +84,25 @@ class ClosedTree:
     samples: FloatArray
     around_home: FloatArray
     wrenches: ca.SX
+    ground: ca.SX
 
     @property
     def outside(self) -> dict[str, ca.SX]:
-        """Input of functions on which something acts from outside, by its name; nothing for the others."""
-        return outside_input(self.wrenches)
+        """Inputs of functions on which something acts from outside, or whose ground moves; nothing for the others."""
+        return {**outside_input(self.wrenches), **self.moving_ground}
+
+    @property
+    def moving_ground(self) -> dict[str, ca.SX]:
+        """Input of functions whose ground moves, by its name; nothing for the others."""
+        return {"ground": self.ground} if self.ground.shape[0] else {}
+
+    @property
+    def root(self) -> RootMotion:
+        """How the ground moves, free fall among its acceleration."""
+        if not self.ground.shape[0]:
+            return at_rest(constant(self.tree.gravity))
+        felt, omega, omega_rate = ca.vertsplit(self.ground, 3)
+        return RootMotion(omega, omega_rate, ca.SX.zeros(3), felt)  # no velocity of an origin enters
 
     def usual(self, pivots: ca.SX) -> FloatArray:
         """Tell how large pivots usually are: where they were chosen, or around home if they are larger there.
@@ -133,6 +151,7 @@ def close_tree(
     *,
     closed: bool = False,
     wrenches: Sequence[str] = (),
+    ground_moves: bool = False,
 ) -> ClosedTree:
     """Eliminate the loop rows of a chain.
 
@@ -147,6 +166,8 @@ def close_tree(
         operations.
     wrenches
         Links on which wrenches act from outside.
+    ground_moves
+        Whether the ground moves.
 
     Returns
     -------
@@ -171,7 +192,8 @@ def close_tree(
     reduced = Elimination(columns.transpose, pivots, scale)
     free = reduced.forward(ca.SX.eye(tree.nv))[list(pivots.rows), :].T
     acting = ca.SX.sym("wrenches", 6 * len(tree.outside))
-    return ClosedTree(chain, tree, q, at, columns, reduced, free, samples, around_home, acting)
+    ground = ca.SX.sym("ground", 9 * ground_moves)
+    return ClosedTree(chain, tree, q, at, columns, reduced, free, samples, around_home, acting, ground)
 
 
 def tree_inverse_dynamics(closed: ClosedTree, v: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -223,7 +245,7 @@ def demanded_efforts(closed: ClosedTree, v: ca.SX, a: ca.SX, *, starts: bool = T
         (nv, 1).
     """
     joints, at = closed.tree.joints, closed.at
-    moving = motions(joints, at, v, a, at_rest(constant(closed.tree.gravity)))
+    moving = motions(joints, at, v, a, closed.root)
     acting = outside_wrenches(joints, at, closed.tree.outside, closed.wrenches)
     efforts = tree_efforts(joints, at, moving, a, acting)
     own = joint_efforts(closed, v, a if starts else None)

@@ -22,6 +22,7 @@ from stewart_pin.kernels.verbs.configurations import (
     serves,
     with_unit_quaternions,
 )
+from stewart_pin.kernels.verbs.ground import GroundMotions, felt_by_ground, read_motions, to_ground
 from stewart_pin.kernels.verbs.newton import NewtonSteps, OneSearch, Plans, Solved, straight
 from stewart_pin.kernels.verbs.searching import OtherPivots, SearchingState
 from stewart_pin.kernels.verbs.sharing import SharingState
@@ -175,6 +176,7 @@ class Caller:
         UnsupportedError
             If the verb is not for these coordinates, or armature, damping or friction have been changed.
         """
+        self._require_resting_ground(f"single_state({verb!r})", verb in _OF_POSES)
         if effort_limit is not None or sharing != "least_norm":
             if verb != "inverse_dynamics":
                 raise InputError(f"effort_limit and sharing are for 'inverse_dynamics', got {verb!r}")
@@ -299,23 +301,60 @@ class Caller:
         """Links on which wrenches act from outside, in the order of the argument `wrenches` of the verbs."""
         return self._functions.wrenches
 
-    def _loaded(self, inputs: tuple[ArrayLike, ...], wrenches: ArrayLike | None) -> tuple[ArrayLike, ...]:
-        """Add what acts from outside, where these kernels take that."""
+    @property
+    def ground_moves(self) -> bool:
+        """Whether the verbs of dynamics take how the ground moves."""
+        return self._functions.ground_moves
+
+    def _loaded(
+        self,
+        inputs: tuple[ArrayLike, ...],
+        wrenches: ArrayLike | None,
+        base_motion: GroundMotions | None = None,
+    ) -> tuple[ArrayLike, ...]:
+        """Add what acts from outside and how the ground moves, where these kernels take that."""
         links = self.wrenches
-        if wrenches is not None and links:
-            return (*inputs, wrenches)
-        if wrenches is not None:
+        if wrenches is not None and not links:
             raise InputError(
                 "wrenches are given, and these kernels were compiled without; "
                 "use compile_kernels(chain, wrenches=(link, ...))"
             )
-        if links:
+        if wrenches is None and links:
             size = 6 * len(links)
             raise InputError(
                 f"wrenches must be given, (N, {size}) or ({size},), [force; moment] on {', '.join(links)}: these "
                 "kernels were compiled for them; zero where nothing acts"
             )
-        return inputs
+        rotation, ground = self._ground(base_motion)
+        if wrenches is None:
+            return (*inputs, *ground)
+        if rotation is not None:
+            wrenches = to_ground(rotation, wrenches, len(links)).astype(self._dtype)
+        return (*inputs, wrenches, *ground)
+
+    def _ground(self, base_motion: GroundMotions | None) -> tuple[FloatArray | None, tuple[FloatArray, ...]]:
+        """Axes of a ground that moves, and what kernels take of its motion; nothing where these know of none."""
+        if base_motion is None and not self.ground_moves:
+            return None, ()
+        if not self.ground_moves:
+            raise InputError(
+                "base_motion is given, and these kernels were compiled for a ground at rest; "
+                "use compile_kernels(chain, base_motion=True)"
+            )
+        if base_motion is None:
+            raise InputError(
+                "base_motion must be given, a BaseMotion, one per state or (N, 16): these kernels were compiled for a "
+                "ground that moves; BaseMotion() where it rests"
+            )
+        rotation, motion = read_motions(base_motion)
+        return rotation, (felt_by_ground(rotation, motion, self.chain.gravity).astype(self._dtype),)
+
+    def _require_resting_ground(self, verb: str, of_poses: bool = False) -> None:
+        if self.ground_moves and not of_poses:
+            raise UnsupportedError(
+                f"{verb} is for kernels whose ground rests, these were compiled with base_motion=True; "
+                "dynamics.inverse_dynamics_derivatives differentiates one state on a ground that moves"
+            )
 
     def _call(self, name: str, inputs: tuple[ArrayLike, ...], places: Places) -> Any:
         kernel = self._kernel(name, graded=places.conditioning is not None, wary=self._wary(name))

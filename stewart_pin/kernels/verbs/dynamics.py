@@ -17,6 +17,7 @@ from stewart_pin.kernels.verbs.calling import Caller, Places, count_states
 from stewart_pin.kernels.verbs.sharing import LimitedSharing
 from stewart_pin.mechanics.sharing import Sharing
 from stewart_pin.model.tree import Limits
+from stewart_pin.kernels.verbs.ground import GroundMotions
 from stewart_pin.programs.arrays import require_apart, require_out
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.geometry_parameters import GeometryParameter, geometry_parameters
@@ -38,6 +39,7 @@ class DynamicsVerbs(Caller):
         *,
         effort_limit: ArrayLike | Limits | None = None,
         sharing: Sharing = "least_norm",
+        base_motion: GroundMotions | None = None,
         out: FloatArray | None = None,
         status: np.ndarray | None = None,
         conditioning: FloatArray | None = None,
@@ -55,6 +57,8 @@ class DynamicsVerbs(Caller):
             How redundant motors share within limits, as in the verb of one state, by ``"least_norm"`` or
             ``"mid_range"``; states that have no efforts within the limits have the code ``OUT_OF_LIMITS``. Default: by
             least norm, whatever the limits [N or N m].
+        base_motion
+            How the ground moves, for kernels that were compiled for it, see `Kernels` [rad, m/s, rad/s, m/s², rad/s²].
         out, status, conditioning, threads
             Where to write, in any unit, and by how many threads: see `Kernels`.
 
@@ -71,7 +75,7 @@ class DynamicsVerbs(Caller):
         InputError
             If an option is unknown, or limits have the wrong shape.
         """
-        inputs = self._loaded((pose, twist, acceleration), wrenches)
+        inputs = self._loaded((pose, twist, acceleration), wrenches, base_motion)
         if effort_limit is not None or sharing != "least_norm":
             by = LimitedSharing(self.chain, effort_limit, sharing)
             return self._shared(by, inputs, Places(out, status, conditioning, threads))
@@ -106,6 +110,7 @@ class DynamicsVerbs(Caller):
         tau_motor: ArrayLike,
         wrenches: ArrayLike | None = None,
         *,
+        base_motion: GroundMotions | None = None,
         out: FloatArray | None = None,
         status: np.ndarray | None = None,
         conditioning: FloatArray | None = None,
@@ -121,6 +126,8 @@ class DynamicsVerbs(Caller):
             (N, nu) motor efforts in the order of ``chain.motors`` [N or N m].
         wrenches
             (N, 6 k) what acts from outside, for kernels that were compiled for it, see `Kernels` [N, N m].
+        base_motion
+            How the ground moves, for kernels that were compiled for it, see `Kernels` [rad, m/s, rad/s, m/s², rad/s²].
         out, status, conditioning, threads
             Where to write, in any unit, and by how many threads: see `Kernels`.
 
@@ -129,7 +136,7 @@ class DynamicsVerbs(Caller):
         numpy.ndarray
             (N, size) acceleration in the same coordinates [m/s², rad/s²].
         """
-        inputs = self._loaded((pose, twist, tau_motor), wrenches)
+        inputs = self._loaded((pose, twist, tau_motor), wrenches, base_motion)
         return self._call("forward_dynamics", inputs, Places(out, status, conditioning, threads))
 
     def reactions(
@@ -139,6 +146,7 @@ class DynamicsVerbs(Caller):
         acceleration: ArrayLike,
         wrenches: ArrayLike | None = None,
         *,
+        base_motion: GroundMotions | None = None,
         out: FloatArray | None = None,
         status: np.ndarray | None = None,
         conditioning: FloatArray | None = None,
@@ -152,6 +160,8 @@ class DynamicsVerbs(Caller):
             Motion in the kernels' coordinates, see `Kernels` [m, rad, unit quaternions; per s; per s²].
         wrenches
             (N, 6 k) what acts from outside, for kernels that were compiled for it, see `Kernels` [N, N m].
+        base_motion
+            How the ground moves, for kernels that were compiled for it, see `Kernels` [rad, m/s, rad/s, m/s², rad/s²].
         out, status, conditioning, threads
             Where to write, in any unit, and by how many threads: see `Kernels`.
 
@@ -161,7 +171,7 @@ class DynamicsVerbs(Caller):
             (N, nc) what the closures do to link 2, row by row in loop frame 1; of least norm in natural units where
             rows are redundant [N and N m].
         """
-        inputs = self._loaded((pose, twist, acceleration), wrenches)
+        inputs = self._loaded((pose, twist, acceleration), wrenches, base_motion)
         return self._call("reactions", inputs, Places(out, status, conditioning, threads))
 
     def regressor(
@@ -170,6 +180,7 @@ class DynamicsVerbs(Caller):
         twist: ArrayLike,
         acceleration: ArrayLike,
         *,
+        base_motion: GroundMotions | None = None,
         out: FloatArray | None = None,
         status: np.ndarray | None = None,
         conditioning: FloatArray | None = None,
@@ -181,6 +192,8 @@ class DynamicsVerbs(Caller):
         ----------
         pose, twist, acceleration
             Motion in the kernels' coordinates, see `Kernels` [m, rad, unit quaternions; per s; per s²].
+        base_motion
+            How the ground moves, for kernels that were compiled for it, see `Kernels` [rad, m/s, rad/s, m/s², rad/s²].
         out, status, conditioning, threads
             Where to write, in any unit, and by how many threads: see `Kernels`.
 
@@ -197,9 +210,9 @@ class DynamicsVerbs(Caller):
             If there are idle freedoms: they obey their own inertia, and efforts are not linear in it; or joints have
             springs, damping or friction, which are in no inertial parameter.
         """
-        return self._call(
-            "regressor", (pose, twist, acceleration), Places(out, status, conditioning, threads)
-        )
+        _, ground = self._ground(base_motion)
+        inputs = (pose, twist, acceleration, *ground)
+        return self._call("regressor", inputs, Places(out, status, conditioning, threads))
 
     @property
     def inertial_parameters(self) -> FloatArray:
@@ -254,6 +267,7 @@ class DerivativeVerbs(Caller):
             axes, and act at points that move with their links.
         """
         self._require_drive("inverse_dynamics_derivatives")
+        self._require_resting_ground("inverse_dynamics_derivatives")
         inputs = self._loaded((pose, twist, acceleration), wrenches)
         return self._call("inverse_dynamics_derivatives", inputs, Places(out, status, conditioning, threads))
 
@@ -289,6 +303,7 @@ class DerivativeVerbs(Caller):
             where wrenches act, (N, size, 6 k) by_wrenches comes fourth [m/s² or rad/s² per N or N m].
         """
         self._require_drive("forward_dynamics_derivatives")
+        self._require_resting_ground("forward_dynamics_derivatives")
         inputs = self._loaded((pose, twist, tau_motor), wrenches)
         return self._call("forward_dynamics_derivatives", inputs, Places(out, status, conditioning, threads))
 
@@ -429,6 +444,7 @@ class GeometryVerbs(Caller):
         If all that is displaced are the points where the six legs of a platform stand, or those where they carry it,
         closed forms of the legs are used, at a third of the cost.
         """
+        self._require_resting_ground("inverse_dynamics_geometry")
         inputs, places = (
             self._loaded((pose, twist, acceleration), wrenches),
             Places(out, status, conditioning, threads),
@@ -476,6 +492,7 @@ class GeometryVerbs(Caller):
         InputError
             If `along` has another shape, is not finite, or holds a parameter of another chain.
         """
+        self._require_resting_ground("forward_dynamics_geometry")
         inputs, places = (
             self._loaded((pose, twist, tau_motor), wrenches),
             Places(out, status, conditioning, threads),
