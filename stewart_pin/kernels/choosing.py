@@ -40,7 +40,11 @@ HANDFUL = 300
 
 
 def kernels_for(
-    chain: ClosedChain, states: int, wanted: bool | None = None, wrenches: tuple[str, ...] = ()
+    chain: ClosedChain,
+    states: int,
+    wanted: bool | None = None,
+    wrenches: tuple[str, ...] = (),
+    ground_moves: bool = False,
 ) -> Kernels | None:
     """Compile kernels in platform coordinates, if there are enough states and they can be had.
 
@@ -57,6 +61,8 @@ def kernels_for(
         CasADi is installed, the chain can be compiled and its poses tell its states.
     wrenches
         Links on which something acts from outside, as in `compile_kernels`.
+    ground_moves
+        Whether the ground moves, as `base_motion` there.
 
     Returns
     -------
@@ -88,7 +94,7 @@ def kernels_for(
                 f"the spring of joint '{turning}' counts whole turns, which a pose does not tell: a motion is followed "
                 "from state to state; limits of position within a turn would tell"
             )
-        return _compiled(chain, fields_key(chain.model), wrenches)
+        return _compiled(chain, fields_key(chain.model), wrenches, ground_moves)
     except (MissingExtraError, UnsupportedError):
         if wanted:
             raise
@@ -226,8 +232,8 @@ def _tree_kernels(chain: ClosedChain, fields: bytes) -> Kernels:
 
 
 @lru_cache(maxsize=8)
-def _compiled(chain: ClosedChain, fields: bytes, wrenches: tuple[str, ...]) -> Kernels:
-    return compile_kernels(chain, wrenches=wrenches)
+def _compiled(chain: ClosedChain, fields: bytes, wrenches: tuple[str, ...], ground_moves: bool) -> Kernels:
+    return compile_kernels(chain, wrenches=wrenches, base_motion=ground_moves)
 
 
 # ----------------------------------------------------------------------------------------------------

@@ -181,7 +181,7 @@ def motor_demand(
     MissingExtraError
         If kernels are wanted and CasADi is not installed.
     UnsupportedError
-        If kernels are wanted on a ground that moves, or for the least peak.
+        If kernels are wanted for the least peak.
     InputError
         If samples, wrenches or motions of the ground are none.
     """
@@ -192,19 +192,15 @@ def motor_demand(
         )
     outside, grounds = wrench_samples(chain, wrenches, samples.time), base_motions(base_motion, samples.time)
     sharing_by = sharer(chain, effort_limit, sharing)
+    moves = grounds is not None
+    compiled, found = demand_kernels(chain, len(samples), kernels, outside, sharing, ground_moves=moves), None
+    if compiled is not None:
+        pushed = None if outside is None else outside.rows
+        found = demands_by_kernels(compiled, [samples], pushed, grounds, sharing=sharing_by)[0]
+        if isinstance(found, MotorDemand):
+            return replace(found, wrenches=outside)
     if grounds is not None:
-        if kernels:
-            raise UnsupportedError(
-                "kernels know of no ground that moves; leave kernels= out, or base_motion="
-            )
         return _state_by_state(chain, samples, outside, grounds, sharing_by)
-    compiled = demand_kernels(chain, len(samples), kernels, outside, sharing)
-    if compiled is None:
-        return demand_by_formula(chain, samples, outside=outside, sharing=sharing_by)
-    pushed = () if outside is None else (outside.rows,)
-    found = demands_by_kernels(compiled, [samples], *pushed, sharing=sharing_by)[0]
-    if isinstance(found, MotorDemand):
-        return replace(found, wrenches=outside)
     return demand_by_formula(chain, samples, suspect=found, outside=outside, sharing=sharing_by)
 
 
@@ -214,6 +210,8 @@ def demand_kernels(
     wanted: bool | None,
     outside: WrenchSamples | None = None,
     sharing: Sharing | None = None,
+    *,
+    ground_moves: bool = False,
 ) -> Kernels | None:
     """Compile kernels, if so many states are worth it.
 
@@ -229,6 +227,8 @@ def demand_kernels(
         Wrenches from outside, or None.
     sharing
         How redundant motors share.
+    ground_moves
+        Whether the ground moves.
 
     Returns
     -------
@@ -249,11 +249,14 @@ def demand_kernels(
     links = () if outside is None else outside.links
     closed_form = (
         wanted is None
+        and not ground_moves
         and (outside is None or outside.acts_on_platform(chain))
         and leg_form(chain, "leg_efforts") is not None
     )
     try:
-        return kernels_for(chain, int(states) // (_CLOSED_FORM if closed_form else 1), wanted, links)
+        return kernels_for(
+            chain, int(states) // (_CLOSED_FORM if closed_form else 1), wanted, links, ground_moves
+        )
     except UnsupportedError:
         return None
 
@@ -262,6 +265,7 @@ def demands_by_kernels(
     kernels: Kernels,
     motions: Sequence[PlatformSamples],
     pushed: FloatArray | None = None,
+    grounds: Sequence[BaseMotion] | None = None,
     *,
     sharing: Sharer | None = None,
 ) -> list[MotorDemand | int | None]:
@@ -275,6 +279,8 @@ def demands_by_kernels(
         Motions of the platform.
     pushed
         (N, 6 k) wrenches at all their instants, for kernels that were compiled for some [N, N m].
+    grounds
+        N motions of the ground, for kernels that were compiled for them.
     sharing
         How redundant motors share within limits, or None.
 
@@ -299,7 +305,10 @@ def demands_by_kernels(
         kernels.inverse_kinematics(pose[part], out=positions[part], status=codes[0, part])
         np.einsum("nij,nj->ni", kernels.motor_jacobian(pose[part]), twist[part], out=rates[part])
         loads = () if pushed is None else (pushed[part],)
-        kernels.inverse_dynamics(*state, *loads, **limited, out=efforts[part], status=codes[1, part])
+        ground = None if grounds is None else grounds[part]
+        kernels.inverse_dynamics(
+            *state, *loads, base_motion=ground, **limited, out=efforts[part], status=codes[1, part]
+        )
     answered = (codes == StateStatus.OK).all(axis=0)
     turning = [
         joint.kind is JointKind.REVOLUTE for joint in map(kernels.chain.mechanism.joint, kernels.chain.motors)

@@ -62,7 +62,9 @@ def test_states_of_the_tree(name: str, rng: np.random.Generator) -> None:
         close(reactions[k], effort.lambda_c, AGREE)
         forth = stp.forward_dynamics(state, tau_motor=tau[k], wrenches={link: wrenches[k]})
         close(moved[k][chain.motor_index], forth.a[chain.motor_index], 1e-9)
-        close(moved[k], forth.a, 1e-7)  # a thin rod spins in its balls with a millionth of the others' inertia
+        close(
+            moved[k], forth.a, 1e-7
+        )  # a thin rod spins in its balls with a millionth of the others' inertia
 
 
 @pytest.mark.slow

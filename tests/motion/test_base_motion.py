@@ -7,8 +7,15 @@ import pinocchio as pin
 import pytest
 
 import stewart_pin as stp
-from stewart_pin.errors import InputError, UnsupportedError
+from stewart_pin.errors import InputError
 from tests.closed_states import close, robot
+
+
+def rolling(t: float) -> stp.dynamics.BaseMotion:
+    w = 1.3
+    angle, rate, acceleration = 0.3 * np.sin(w * t), 0.3 * w * np.cos(w * t), -0.3 * w * w * np.sin(w * t)
+    x = np.eye(6)[3]
+    return stp.dynamics.BaseMotion(pin.exp3(np.array([angle, 0.0, 0.0])), rate * x, acceleration * x)
 
 
 def test_demand_and_fit_follow_the_ground(rng: np.random.Generator) -> None:
@@ -19,12 +26,6 @@ def test_demand_and_fit_follow_the_ground(rng: np.random.Generator) -> None:
         return stp.motions.sinusoidal_motion(time, home=home, amplitude=scale * np.array([0.05, 0.03, 0.04]))
 
     samples = motion(1.0)
-
-    def rolling(t: float) -> stp.dynamics.BaseMotion:
-        w = 1.3
-        angle, rate, acceleration = 0.3 * np.sin(w * t), 0.3 * w * np.cos(w * t), -0.3 * w * w * np.sin(w * t)
-        x = np.eye(6)[3]
-        return stp.dynamics.BaseMotion(pin.exp3(np.array([angle, 0.0, 0.0])), rate * x, acceleration * x)
 
     found = stp.motor_demand(chain, samples, base_motion=rolling)
     still = stp.motor_demand(chain, samples, kernels=False)
@@ -46,5 +47,17 @@ def test_demand_and_fit_follow_the_ground(rng: np.random.Generator) -> None:
         stp.motor_demand(chain, samples, base_motion=[rolling(0.0)] * 2)
     with pytest.raises(InputError, match="base_motion must return a BaseMotion, got float at 0 s"):
         stp.motor_demand(chain, samples, base_motion=lambda t: t)  # pyright: ignore[reportArgumentType]
-    with pytest.raises(UnsupportedError, match="kernels know of no ground that moves"):
-        stp.motor_demand(chain, samples, base_motion=rolling, kernels=True)
+
+
+@pytest.mark.slow
+def test_kernels_know_a_ground_that_moves() -> None:
+    chain = robot("stewart")
+    home = stp.platform_pose(chain, chain.q_home)
+    samples = stp.motions.sinusoidal_motion(np.linspace(0.0, 1.0, 301), home=home)
+    push = {"platform": [0.0, 3.0, -20.0, 1.0, 0.0, 0.0]}
+    found = stp.motor_demand(chain, samples, wrenches=push, base_motion=rolling)
+    assert found.method == "kernels"
+    one_by_one = stp.motor_demand(chain, samples, wrenches=push, base_motion=rolling, kernels=False)
+    assert one_by_one.method == "one_state"
+    close(found.efforts, one_by_one.efforts, 1e-10)
+    close(found.positions, one_by_one.positions, 1e-10)

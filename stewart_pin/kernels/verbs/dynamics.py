@@ -14,10 +14,10 @@ import numpy as np
 from stewart_pin.checks import as_array
 from stewart_pin.errors import InputError, UnsupportedError
 from stewart_pin.kernels.verbs.calling import Caller, Places, count_states
+from stewart_pin.kernels.verbs.ground import GroundMotions
 from stewart_pin.kernels.verbs.sharing import LimitedSharing
 from stewart_pin.mechanics.sharing import Sharing
 from stewart_pin.model.tree import Limits
-from stewart_pin.kernels.verbs.ground import GroundMotions
 from stewart_pin.programs.arrays import require_apart, require_out
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.geometry_parameters import GeometryParameter, geometry_parameters
