@@ -501,12 +501,14 @@ def _digest(chain: ClosedChain) -> str:
             loop.axis.tolist(),
             loop.axis2.tolist(),
             loop.length,
+            loop.physics,
         )
         for loop in chain.loops
     ]
     couplings = [(one.joint1, one.joint2, one.polynomial, one.others) for one in chain.couplings]
+    springs = [joint.physics for joint in chain.mechanism.joints]  # of which the model knows a part
     roles = (chain.motors, chain.platform, chain.q_home.tolist())
     # The text of the model knows only the limits of joints with one freedom, and of these not all kinds.
     limits = [chain.limits.names, *(chain.limits.of(kind).tolist() for kind in KINDS)]
-    text = chain.model.saveToString() + repr((loops, couplings, roles, limits))
+    text = chain.model.saveToString() + repr((loops, couplings, springs, roles, limits))
     return hashlib.sha256(text.encode()).hexdigest()

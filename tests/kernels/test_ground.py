@@ -87,8 +87,9 @@ def test_platform_and_motors(coordinates: Any, rng: np.random.Generator) -> None
         given.append((pin.SE3ToXYZQUAT(pose), twist, acceleration) if coordinates == "platform" else motors)
     motion = [np.array(x) for x in zip(*given, strict=True)]
     close(kernels.inverse_dynamics(*motion, push, base_motion=sails), np.array(expected), AGREE)
-    forth = kernels.forward_dynamics(*motion[:2], np.array(expected), push, base_motion=sails, threads=2)
-    close(forth, motion[2], 1e-8)
+    pose, twist, acceleration = motion
+    forth = kernels.forward_dynamics(pose, twist, np.array(expected), push, base_motion=sails, threads=2)
+    close(forth, acceleration, 1e-8)
 
 
 def test_regressors_hold_on_a_ship(rng: np.random.Generator) -> None:
@@ -118,7 +119,7 @@ def test_what_is_no_motion_is_refused(rng: np.random.Generator) -> None:
     with pytest.raises(InputError, match=r"\(16,\).*shape \(15,\)"):
         kernels.inverse_dynamics(*state, base_motion=np.zeros(15))
     with pytest.raises(InputError, match="got float"):
-        kernels.inverse_dynamics(*state, base_motion=[rest, 1.0])
+        kernels.inverse_dynamics(*state, base_motion=[rest, 1.0])  # pyright: ignore[reportArgumentType]
     with pytest.raises(InputError, match="True or False"):
         stp.compile_kernels(chain, base_motion=rest)  # pyright: ignore[reportArgumentType]
     with pytest.raises(UnsupportedError, match="ground rests"):

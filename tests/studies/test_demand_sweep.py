@@ -432,6 +432,15 @@ def test_the_digest_sees_every_ratio_of_a_sum(rng: np.random.Generator) -> None:
     assert _digest(replace(chain, mechanism=parts)) != _digest(chain)
 
 
+@pytest.mark.parametrize("own", [{"stiffness": 2.0}, {"force": 1.0}, {"friction": 0.1}, {"damping": 0.1}])
+def test_the_digest_sees_what_joints_do(own: dict[str, float]) -> None:
+    chain = robot("five_bar")
+    for name in (chain.motors[0], chain.loops[0].name):
+        one = stp.with_joint_physics(chain, {name: own})
+        two = stp.with_joint_physics(chain, {name: {**own, "stiffness": 2.0, "rest": 0.3}})
+        assert len({_digest(chain), _digest(one), _digest(two)}) == 3, name
+
+
 @pytest.mark.slow
 def test_the_digest_sees_every_limit() -> None:
     # Balls of the tree (swing and angle), joints that close loops, motors and passive joints, at both ends.
