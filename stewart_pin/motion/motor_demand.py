@@ -199,9 +199,9 @@ def motor_demand(
         found = demands_by_kernels(compiled, [samples], pushed, grounds, sharing=sharing_by)[0]
         if isinstance(found, MotorDemand):
             return replace(found, wrenches=outside)
-    if grounds is not None:
-        return _state_by_state(chain, samples, outside, grounds, sharing_by)
-    return demand_by_formula(chain, samples, suspect=found, outside=outside, sharing=sharing_by)
+    return demand_by_formula(
+        chain, samples, suspect=found, outside=outside, grounds=grounds, sharing=sharing_by
+    )
 
 
 def demand_kernels(
@@ -342,6 +342,7 @@ def demand_by_formula(
     *,
     suspect: int | None = None,
     outside: WrenchSamples | None = None,
+    grounds: Sequence[BaseMotion] | None = None,
     sharing: Sharer | None = None,
 ) -> MotorDemand:
     """Compute a demand in closed form where there is one, and state by state elsewhere.
@@ -356,6 +357,8 @@ def demand_by_formula(
         Index of a state that no leg reaches, by its closed form: it is looked at first, so that the error comes soon.
     outside
         Wrenches from outside, or None.
+    grounds
+        Motion of the ground at every instant, or None: it rests.
     sharing
         How redundant motors share within limits, or None.
 
@@ -373,6 +376,8 @@ def demand_by_formula(
     EffortLimitError
         If no efforts within the limits make it move so.
     """
+    if grounds is not None:
+        return _state_by_state(chain, samples, outside, grounds, sharing)
     closed_form = leg_form(chain, "leg_efforts") if sharing is None else None
     if closed_form is not None:
         pushed = None if outside is None else outside.on_platform(chain, samples.rotation)

@@ -26,7 +26,9 @@ from stewart_pin.motion.motor_demand import (
     demands_by_kernels,
 )
 from stewart_pin.motion.trajectories import PlatformSamples
+from stewart_pin.state.base_motion import BaseMotion, BaseMotions, base_motions
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.outside import MotionWrenches, WrenchSamples, wrench_samples
 from stewart_pin.studies.answers import Answer, Carried, NoAnswer, Results, Sweep, ask
 from stewart_pin.studies.comparison import Progress
 from stewart_pin.studies.points import (
@@ -72,6 +74,8 @@ class DemandStudy:
         Whether motions are judged by all limits.
     sharing
         How redundant motors share within the limits of the chain; None: whatever the limits.
+    wrenches, base_motion
+        What acts from outside, and how the ground moves, as in `motor_demand` [N, N m].
     """
 
     chain: Carried | Callable[..., ClosedChain]
@@ -82,6 +86,8 @@ class DemandStudy:
     share: float
     limits: bool = False
     sharing: Sharing | None = None
+    wrenches: MotionWrenches | None = None
+    base_motion: BaseMotions | None = None
 
     def __call__(self, points: Sequence[Point]) -> list[Answer]:
         """Answer points.
@@ -148,7 +154,15 @@ class DemandStudy:
             Gives the demand.
         """
         by = self.sharer(case.chain)
-        return partial(demand_by_formula, case.chain, case.samples, suspect=suspect, sharing=by)
+        return partial(
+            demand_by_formula,
+            case.chain,
+            case.samples,
+            suspect=suspect,
+            outside=case.outside,
+            grounds=case.grounds,
+            sharing=by,
+        )
 
     def figures(self, demands: Sequence[MotorDemand]) -> list[Results]:
         """Condense demands.
@@ -198,11 +212,22 @@ class DemandStudy:
         _require(samples, PlatformSamples, "motion", self.motion, point)
         if not len(samples):
             raise InputError(f"motion {function_name(self.motion)} gives no instant at {words(point)}")
+        outside = wrench_samples(chain, self.wrenches, samples.time)
+        grounds = base_motions(self.base_motion, samples.time)
         kernels = ask(
-            lambda: demand_kernels(chain, len(samples) * self.share, self.kernels, sharing=self.sharing),
+            lambda: demand_kernels(
+                chain,
+                len(samples) * self.share,
+                self.kernels,
+                outside,
+                sharing=self.sharing,
+                ground_moves=grounds is not None,
+            ),
             point,
         )
-        return kernels if isinstance(kernels, NoAnswer) else Case(point, chain, samples, kernels)
+        if isinstance(kernels, NoAnswer):
+            return kernels
+        return Case(point, chain, samples, kernels, outside, grounds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,12 +244,18 @@ class Case:
         Motion.
     kernels
         What the demand is computed by; None: by formula.
+    outside
+        What acts from outside, or None.
+    grounds
+        Motion of the ground at every instant, or None: it rests.
     """
 
     point: Point
     chain: ClosedChain
     samples: PlatformSamples
     kernels: Kernels | None
+    outside: WrenchSamples | None = None
+    grounds: tuple[BaseMotion, ...] | None = None
 
 
 def motions_in_a_task(study: DemandStudy, points: Points) -> int:
@@ -270,7 +301,15 @@ class _Batch:
         answers: dict[int, Answer] = {}
         known: dict[int, MotorDemand] = {}
         by = study.sharer(self.cases[0].chain)
-        found = demands_by_kernels(kernels, [case.samples for case in self.cases], sharing=by)
+        pushed = [case.outside.rows for case in self.cases if case.outside is not None]
+        grounds = [motion for case in self.cases for motion in case.grounds or ()]
+        found = demands_by_kernels(
+            kernels,
+            [case.samples for case in self.cases],
+            np.concatenate(pushed) if pushed else None,
+            grounds or None,
+            sharing=by,
+        )
         for k, case, demand in zip(self.numbers, self.cases, found, strict=True):
             if demand is None or isinstance(demand, int):  # an error, or a motion to be followed
                 demand = ask(study.formula(case, demand), case.point)
@@ -337,6 +376,8 @@ def sweep_demand(
     kernels: bool | None = None,
     limits: bool = False,
     sharing: Sharing | None = None,
+    wrenches: MotionWrenches | None = None,
+    base_motion: BaseMotions | None = None,
     executor: Executor | None = None,
     journal: str | Path | None = None,
     name: str | None = None,
@@ -366,6 +407,8 @@ def sweep_demand(
     sharing
         How redundant motors share the load within the effort limits of each chain, as in `inverse_dynamics`: of cables,
         which only pull; motions beyond them have no answer. Default: by least norm, whatever the limits.
+    wrenches, base_motion
+        What acts from outside during each motion, and how the ground moves, as in `motor_demand` [N, N m].
     executor, journal
         As in `sweep`.
     name
@@ -424,12 +467,17 @@ def sweep_demand(
         points.size / max(1, designs),
         limits=limits,
         sharing=sharing,
+        wrenches=wrenches,
+        base_motion=base_motion,
     )
+    for given in (wrenches, base_motion):
+        require_portable(executor, given, "what acts on the motions")
     if not isinstance(chain, ClosedChain):
         require_portable(executor, chain, function_name(chain))
     require_portable(executor, motion, function_name(motion))
     called = _name(chain, motion) if name is None else name
     rules = (" within limits" if limits else "") + (f" by {sharing}" if sharing else "")
+    rules += _acting(" with wrenches", wrenches) + _acting(" on a ground that moves by", base_motion)
     return sweep_study(
         study,
         points,
@@ -487,6 +535,23 @@ def _name(chain: ClosedChain | Callable[..., ClosedChain], motion: Callable[...,
     given = isinstance(chain, ClosedChain)
     robot = f"{chain.name} (digest {_digest(chain)[:8]})" if given else function_name(chain)
     return f"motor demand of {robot} under {function_name(motion)}"
+
+
+def _acting(words: str, given: object) -> str:
+    """Tell what acts from other such, for journals: a function by its name alone, as motions are."""
+    if given is None:
+        return ""
+    if callable(given):
+        return f"{words} {function_name(given)}"
+    if isinstance(given, Mapping):
+        parts: Sequence[object] = [
+            (link, np.asarray(value, dtype=float).tolist()) for link, value in sorted(given.items())
+        ]
+    else:
+        motions = [given] if isinstance(given, BaseMotion) else given
+        assert isinstance(motions, Sequence)
+        parts = [(m.rotation.tolist(), m.twist.tolist(), m.acceleration.tolist()) for m in motions]
+    return f"{words} {hashlib.sha256(repr(parts).encode()).hexdigest()[:8]}"
 
 
 def _digest(chain: ClosedChain) -> str:

@@ -415,6 +415,29 @@ def test_a_journal_knows_the_robot(tmp_path: Path) -> None:
             stp.sweep_demand(other, shake_stewart, AXES, journal=tmp_path / "journal")
 
 
+@pytest.mark.parametrize("kernels", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_what_acts_from_outside_counts_at_every_point(kernels: bool, tmp_path: Path) -> None:
+    chain, axes = robot("stewart"), {"amplitude": [0.01, 0.02], "frequency": [1.0]}
+    push = {chain.platform_link: np.array([0.0, 5.0, -40.0, 1.0, 0.0, 0.0])}
+    ship = stp.dynamics.BaseMotion(twist=[0, 0, 0, 0.3, 0, 0], acceleration=[0, 0, 1.0, 0, 0.4, 0])  # pyright: ignore[reportArgumentType]
+    journal = tmp_path / "journal"
+    acting = {"wrenches": push, "base_motion": ship}
+    found = stp.sweep_demand(chain, shake_stewart, axes, kernels=kernels, journal=journal, **acting)
+    for k, amplitude in enumerate(axes["amplitude"]):
+        samples = shake_stewart(amplitude, 1.0)
+        expected = stp.motor_demand(chain, samples, kernels=False, **acting)
+        np.testing.assert_allclose(
+            found["peak_effort"][k, 0], np.abs(expected.efforts).max(axis=0), rtol=1e-10
+        )
+    still = stp.sweep_demand(chain, shake_stewart, axes, kernels=kernels)
+    assert not np.allclose(still["peak_effort"], found["peak_effort"], rtol=1e-2)
+    acting["wrenches"] = {chain.platform_link: push[chain.platform_link] * (1 + 1e-12)}
+    with pytest.raises(InputError, match="journal"):
+        stp.sweep_demand(chain, shake_stewart, axes, journal=journal, **acting)
+    with pytest.raises(InputError, match="wrenches"):
+        stp.sweep_demand(chain, shake_stewart, axes, wrenches={"nothing": np.zeros(6)})
+
+
 def test_the_digest_sees_the_loops_too() -> None:
     chain = robot("stewart")
     first, *others = chain.loops
