@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -107,6 +107,41 @@ def parse_numbers(option: str, text: str, count: int) -> tuple[float, ...]:
 # ----------------------------------------------------------------------------------------------------
 
 _MOST = 1_000_000
+
+
+WRENCH_HELP = (
+    "LINK:fx,fy,fz,mx,my,mz from outside, at the link's origin, world axes [N, N m]; may be repeated."
+)
+"""What ``--wrench`` says of itself."""
+
+
+def parse_wrenches(texts: Sequence[str] | None) -> dict[str, tuple[float, ...]] | None:
+    """Read what ``--wrench`` gives.
+
+    Parameters
+    ----------
+    texts
+        ``LINK:fx,fy,fz,mx,my,mz`` each.
+
+    Returns
+    -------
+    dict or None
+        [force; moment] on each link [N, N m].
+
+    Raises
+    ------
+    InputError
+        If a text is none, or a link is named twice.
+    """
+    found: dict[str, tuple[float, ...]] = {}
+    for text in texts or ():
+        link, _, numbers = text.rpartition(":")
+        if not link or numbers.count(",") != 5:
+            raise InputError(f"--wrench must be LINK:fx,fy,fz,mx,my,mz, got {text!r}")
+        if link in found:
+            raise InputError(f"--wrench names {link!r} twice; give the sum of what acts on a link")
+        found[link] = parse_numbers("--wrench", numbers, 6)
+    return found or None
 
 
 def parse_range(option: str, text: str, *, linear: bool) -> np.ndarray:

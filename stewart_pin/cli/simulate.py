@@ -16,7 +16,14 @@ import typer
 from rich.table import Table
 
 from stewart_pin.building.loading import load
-from stewart_pin.cli.output import console, parse_numbers, progress_bar, write_json
+from stewart_pin.cli.output import (
+    WRENCH_HELP,
+    console,
+    parse_numbers,
+    parse_wrenches,
+    progress_bar,
+    write_json,
+)
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.kinematics import platform_motion, platform_pose
 from stewart_pin.motion.control import (
@@ -191,6 +198,7 @@ def simulate(
     duration: Annotated[float, typer.Option(help="Length of the run [s].")] = 1.0,
     dt: Annotated[float, typer.Option(help="Step, and period of the controller [s].")] = 1e-3,
     method: Annotated[str, typer.Option(help="'fixed' or a method of SciPy's.")] = "fixed",
+    wrench: Annotated[list[str] | None, typer.Option(help=WRENCH_HELP)] = None,
     json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
     plot: Annotated[
         Path | None, typer.Option(callback=check_picture_path, help="Picture of the motion.")
@@ -212,7 +220,15 @@ def simulate(
         q, v = state.q, state.v
     with progress_bar() as report:
         run = run_simulation(
-            chain, q, v, control, duration=duration, dt=dt, method=cast(Method, method), progress=report
+            chain,
+            q,
+            v,
+            control,
+            duration=duration,
+            dt=dt,
+            method=cast(Method, method),
+            wrenches=parse_wrenches(wrench),
+            progress=report,
         )
     figures = summarise_run(run) | {"robot": chain.name, "controller": controller, "dt": dt, "method": method}
     want = reference(run.time) if follows else None
@@ -273,6 +289,7 @@ def shake(
     duration: Annotated[float | None, typer.Option(help="Simulated time [s]; default: the record.")] = None,
     controller: Annotated[str, typer.Option(help=f"One of {', '.join(CONTROLLERS)}.")] = "computed_torque",
     dt: Annotated[float, typer.Option(help="Step, and period of the controller [s].")] = 2e-3,
+    wrench: Annotated[list[str] | None, typer.Option(help=WRENCH_HELP)] = None,
     json: Annotated[Path | None, typer.Option(help="Write all figures to this file.")] = None,
     plot: Annotated[
         Path | None, typer.Option(callback=check_picture_path, help="Picture of the motion.")
@@ -286,7 +303,10 @@ def shake(
     home = platform_pose(chain, chain.q_home)
     times = sample_times(ground.dt * ground.acceleration.size, 1 / ground.dt)
     quake = partial(earthquake_motion, home=home, records={axis: ground})
-    fit = fit_to_limits(chain, lambda factor: quake(times, scale=scale * factor), margin=margin)
+    wrenches = parse_wrenches(wrench)
+    fit = fit_to_limits(
+        chain, lambda factor: quake(times, scale=scale * factor), margin=margin, wrenches=wrenches
+    )
     figures = _summarise_shake(ground, axis, scale, fit) | {"robot": chain.name, "controller": controller}
     _print_shake(figures)
     if controller != "none":
@@ -296,7 +316,16 @@ def shake(
         length = times[-1] if duration is None else duration
         length = dt * max(1, round(length / dt)) if dt > 0 else length
         with progress_bar() as report:
-            run = run_simulation(chain, state.q, state.v, control, duration=length, dt=dt, progress=report)
+            run = run_simulation(
+                chain,
+                state.q,
+                state.v,
+                control,
+                duration=length,
+                dt=dt,
+                wrenches=wrenches,
+                progress=report,
+            )
         want = reference(run.time)
         figures |= {"simulation": summarise_run(run) | tracking_errors(run, want)}
         for name, value in tracking_errors(run, want).items():

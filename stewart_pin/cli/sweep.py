@@ -21,7 +21,15 @@ from rich.markup import escape
 from rich.table import Table
 
 from stewart_pin.building.loading import load
-from stewart_pin.cli.output import console, parse_numbers, parse_range, progress_bar, write_json
+from stewart_pin.cli.output import (
+    WRENCH_HELP,
+    console,
+    parse_numbers,
+    parse_range,
+    parse_wrenches,
+    progress_bar,
+    write_json,
+)
 from stewart_pin.errors import InputError
 from stewart_pin.mechanics.kinematics import platform_pose
 from stewart_pin.model.description import JointKind
@@ -167,6 +175,7 @@ def sweep(
     kernels: Annotated[
         bool | None, typer.Option(help="Compiled kernels; default: where there are enough states.")
     ] = None,
+    wrench: Annotated[list[str] | None, typer.Option(help=WRENCH_HELP)] = None,
     workers: Annotated[int, typer.Option(help="Processes that share the work.")] = 1,
     journal: Annotated[
         Path | None, typer.Option(help="Keep what is done in this file; if it exists, go on from there.")
@@ -200,6 +209,7 @@ def sweep(
             axes,
             kernels=kernels,
             limits=True,
+            wrenches=parse_wrenches(wrench),
             executor=executor,
             journal=journal,
             progress=report,

@@ -151,6 +151,30 @@ def test_bad_input_ends_in_one_line(arguments: tuple[str, ...], words: str) -> N
     assert code == 2 and words in err and err.startswith("error: ") and err.count("\n") == 1
 
 
+def test_wrenches_count(tmp_path: Path) -> None:
+    file = tmp_path / "figures.json"
+    small = ("--amplitude", "0.01", "--frequency", "1", "--instants", "8", "--json", str(file))
+    code, _, err = run("stewart", *small, "--wrench", "platform:0,3,-600,1,0,0")
+    assert code == 0, err
+    chain = stp.load("stewart")
+    samples = stp.motions.sinusoidal_motion(
+        np.arange(8) / 8,
+        home=stp.platform_pose(chain, chain.q_home),
+        amplitude=(0.01, 0.0, 0.0),
+        frequency=(1.0, 0.0, 0.0),
+    )
+    demand = stp.motor_demand(chain, samples, wrenches={"platform": [0, 3, -600, 1, 0, 0]})
+    peaks = json.loads(file.read_text())["results"]["peak_effort"][0][0]
+    np.testing.assert_allclose(peaks, np.abs(demand.efforts).max(axis=0), rtol=1e-10)
+    for text, words in (
+        ("platform:1,2", "LINK:fx,fy,fz,mx,my,mz"),
+        ("1,2,3,4,5,6", "LINK:fx,fy,fz,mx,my,mz"),
+        ("platfrm:1,2,3,4,5,6", "'platform'"),
+    ):
+        code, _, err = run("stewart", *small, "--wrench", text)
+        assert code and words in err and "Traceback" not in err
+
+
 def test_equal_steps_on_demand(tmp_path: Path) -> None:
     file = tmp_path / "figures.json"
     arguments = ("stewart", "--amplitude", "0:0.1:3", "--frequency", "1:2:3", "--linear", "--json", str(file))
