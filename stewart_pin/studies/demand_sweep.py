@@ -306,8 +306,8 @@ class _Batch:
         found = demands_by_kernels(
             kernels,
             [case.samples for case in self.cases],
-            np.concatenate(pushed) if pushed else None,
-            grounds or None,
+            pushed=np.concatenate(pushed) if pushed else None,
+            grounds=grounds or None,
             sharing=by,
         )
         for k, case, demand in zip(self.numbers, self.cases, found, strict=True):
