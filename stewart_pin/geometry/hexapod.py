@@ -159,7 +159,7 @@ def leg_vectors(hexapod: Hexapod, position: ArrayLike, rotation: ArrayLike) -> t
 
 
 def leg_lengths(hexapod: Hexapod, position: ArrayLike, rotation: ArrayLike) -> FloatArray:
-    """Compute the six leg lengths of a pose: l = |p + R P - B|.
+    """Compute the six leg lengths of a pose: ``l = |p + R P - B|``.
 
     Parameters
     ----------

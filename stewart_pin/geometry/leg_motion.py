@@ -107,7 +107,7 @@ def leg_rates(hexapod: Hexapod, position: ArrayLike, rotation: ArrayLike, twist:
 def leg_accelerations(
     hexapod: Hexapod, position: ArrayLike, rotation: ArrayLike, twist: ArrayLike, acceleration: ArrayLike
 ) -> FloatArray:
-    """Compute the second derivatives of the leg lengths: d²l/dt² = u · a + l |du/dt|².
+    """Compute the second derivatives of the leg lengths: ``d²l/dt² = u · a + l |du/dt|²``.
 
     Here a is the acceleration of the platform point.
 

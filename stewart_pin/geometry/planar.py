@@ -305,7 +305,7 @@ def planar_legs(planar: PlanarRPR, position: ArrayLike, angle: ArrayLike) -> tup
 
 
 def planar_leg_lengths(planar: PlanarRPR, position: ArrayLike, angle: ArrayLike) -> FloatArray:
-    """Compute the three leg lengths of a pose: l = |p + R(θ) c - a|.
+    """Compute the three leg lengths of a pose: ``l = |p + R(θ) c - a|``.
 
     Parameters
     ----------

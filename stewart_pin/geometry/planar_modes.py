@@ -344,7 +344,7 @@ def planar_assembly_modes(planar: PlanarRPR, lengths: ArrayLike) -> PlanarModes:
 
     Notes
     -----
-    f(θ) = |N|² - p1² D² has degree three in cos θ and sin θ, hence six complex roots z = exp(iθ), which are
+    ``f(θ) = |N|² - p1² D²`` has degree three in cos θ and sin θ, hence six complex roots z = exp(iθ), which are
     the eigenvalues of its companion matrix [1]_. Real ones have modulus one and give the position N / D;
     where D vanishes, the position comes from two circles, and may be two positions or none. Poses closer than
     the leg equations can tell apart in double precision are one pose with a multiplicity.

@@ -135,7 +135,7 @@ def planar_arm_branches(
 
     Notes
     -----
-    The wrist (joint 3) is at w = (Px - L3 cos φ, Py - L3 sin φ), which leaves a triangle of sides L1, L2, d = |w|:
+    The wrist (joint 3) is at w = (Px - L3 cos φ, Py - L3 sin φ), which leaves a triangle of sides L1, L2, ``d = |w|``:
 
         tan² (θ2 / 2) = ((L1 + L2)² - d²) / (d² - (L1 - L2)²)
         θ1 = atan2(wy, wx) - atan2(L2 sin θ2, L1 + L2 cos θ2),  θ3 = φ - θ1 - θ2
@@ -321,7 +321,7 @@ def spatial_arm_velocities(lengths: ArrayLike, q: ArrayLike, rates: ArrayLike) -
 
     Notes
     -----
-    From frame i to frame i+1 at p in i, with the rotation R of i+1 in i ([1]_, ch. 5):
+    From frame i to frame i+1 at p in i, with the rotation R of i+1 in i (Craig, ch. 5):
 
         ω' = Rᵀ ω + θ' z,    v' = Rᵀ (v + ω × p).
     """

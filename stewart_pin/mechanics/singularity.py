@@ -280,8 +280,8 @@ class Singularity(Brief):
     kinds
         What goes wrong here, within the tolerance.
     zlatanov
-        The same in the six classes of [1]_: RI, RO (redundant input, output), II, IO (impossible input, output), IIM
-        (increased instantaneous mobility), RPM (redundant passive motion).
+        The same in the six classes of Zlatanov: RI, RO (redundant input, output), II, IO (impossible input, output),
+        IIM (increased instantaneous mobility), RPM (redundant passive motion).
     count, generic
         Numbers of motions here, and the usual ones.
     measures

@@ -59,7 +59,7 @@ class Vibration(Brief):
     ----------
     frequency
         (n,) natural frequencies, the lowest first; negative where a disturbance grows instead of swinging, with the
-        rate |2π f| [Hz].
+        rate ``|2π f|`` [Hz].
     shape
         (nv, n) motion of each vibration, its largest entry one robot size or radian [m, rad].
     stiffness

@@ -391,7 +391,7 @@ def velocity_limits_of_jacobian(
 ) -> FloatArray:
     """Find the greatest value of each velocity component, one after the other, from a Jacobian.
 
-    For each component k: max v_k subject to |J v| <= rate_limit.
+    For each component k: max v_k subject to ``|J v| <= rate_limit``.
 
     Parameters
     ----------
