@@ -24,6 +24,12 @@ WAYS: dict[str, tuple[Any, Any]] = {
     "four in a plane, by the motors": (crossed, "motor"),
     "five-bar with three motors": (five_bar, "tree"),
     "as many motors as freedoms": (lambda: robot("stewart"), "platform"),
+    # Every bundled robot that cables hold.
+    **{
+        name: (lambda name=name: robot(name), "platform")
+        for name in stp.robots()
+        if name.startswith("cables")
+    },
 }
 
 
@@ -50,7 +56,13 @@ def told(state: stp.State, coordinates: str) -> tuple[np.ndarray, ...]:
     return pin.SE3ToXYZQUAT(motion), twist, state.P @ a + state.platform_bias
 
 
-@pytest.mark.parametrize("way", WAYS)
+SLOW = ("seven cables", "four in a plane, by the motors", "as many motors as freedoms", "cables_8")
+"""Ways that tell no more than others do, to be asked with `-m slow`."""
+
+
+@pytest.mark.parametrize(
+    "way", [pytest.param(way, marks=pytest.mark.slow if way in SLOW else ()) for way in WAYS]
+)
 def test_they_are_those_of_one_state(way: str, rng: np.random.Generator) -> None:
     build, coordinates = WAYS[way]
     chain = build()

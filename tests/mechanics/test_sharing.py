@@ -231,7 +231,7 @@ def test_wrong_options() -> None:
 # --- along motions -------------------------------------------------------------------------------------------
 
 
-def swing(chain: stp.ClosedChain, samples: int = 60) -> stp.motions.PlatformSamples:
+def swing(chain: stp.ClosedChain, samples: int = 30) -> stp.motions.PlatformSamples:
     return stp.motions.sinusoidal_motion(
         np.linspace(0, 1, samples),
         home=stp.platform_pose(chain, chain.q_home),
@@ -252,6 +252,7 @@ def test_a_motion_from_limits_to_limits_is_what_its_states_are(sharing) -> None:
         np.testing.assert_allclose(demand.efforts[k], alone, rtol=0, atol=1e-9 * np.abs(alone).max())
 
 
+@pytest.mark.slow
 def test_kernels_and_sweeps_share_a_motion_alike() -> None:
     chain = boxed()
     samples = swing(chain, 100)

@@ -224,3 +224,19 @@ def test_wrenches_of_cables_that_never_go_slack_are_those_of_a_linear_programme(
         best = linprog(-direction @ A, bounds=ends.tolist(), method="highs-ds")
         expected = -best.fun - direction @ weight
         assert stp.polytopes.polytope_support(found, direction) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", [name for name in stp.robots() if name.startswith("cables")])
+def test_bundled_robots_on_cables_have_closure_and_carry_their_weight(name: str) -> None:
+    chain = robot(name)
+    found = closure(chain, chain.q_home)
+    assert found.holds and (found.tension > 0).all()
+    A = exerts(chain, chain.q_home)
+    assert np.abs(A @ found.tension).max() < 1e-9
+    rest = np.zeros(chain.nv)
+    held = feasible(chain, chain.q_home, wrenches=np.zeros(6))
+    low, high = chain.limits.bounds("effort", chain.motor_index).T
+    assert 0 < held.margin < (high - low).max() / 2
+    tensions = stp.inverse_dynamics(chain, chain.q_home, rest, rest, effort_limit=chain.limits).tau_motor
+    assert (tensions >= low).all() and (tensions <= high).all()
+    np.testing.assert_allclose(A @ tensions, A @ held.efforts, atol=1e-8 * np.abs(tensions).max())
