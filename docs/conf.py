@@ -56,7 +56,7 @@ def reference_pages() -> dict[str, str]:
         by_page[name.split(".")[0] if "." in name else "top"].append(entry(name, value))
     pages = {}
     for page, entries in by_page.items():
-        head = "stewart_pin" if page == "top" else f"stewart_pin.{page}"
+        head = "stewart_pin" if page == "top" else page
         about = "The verbs of a first hour" if page == "top" else title_of(namespaces()[page])
         pages[page] = f"{head}\n{'=' * len(head)}\n\n{about}.\n\n" + "\n".join(entries)
     listed = "\n".join(f"   {page}" for page in pages)
