@@ -101,6 +101,7 @@ class Mechanism:
         self._engine: Engine | None = engine
         self._kernels: dict[Coordinates, stp.compiled.Kernels | None] = {}
         self._closed = close_tree(self.chain)
+        self._compiled: dict[str, Callable[..., tuple[np.ndarray, ...]]] = {}
 
     def kernels(self, coordinates: Coordinates) -> stp.compiled.Kernels | None:
         """Kernels, or None where the coordinates do not determine the chain."""
@@ -118,14 +119,21 @@ class Mechanism:
         assert kernels is not None
         return kernels
 
-    def compiled(self, write: Callable[[ClosedTree], ca.Function]) -> Callable[..., tuple[np.ndarray, ...]]:
-        return stp.compile_function(write(self._closed), engine=self._engine)
+    def compiled(
+        self, what: str | Callable[[ClosedTree], ca.Function]
+    ) -> Callable[..., tuple[np.ndarray, ...]]:
+        """Compile a function of the kernels of the tree, or one that is written here, once."""
+        key = what if isinstance(what, str) else what.__name__
+        if key not in self._compiled:
+            written = self.by_tree.casadi(what) if isinstance(what, str) else what(self._closed)
+            self._compiled[key] = stp.compile_function(written, engine=self._engine)
+        return self._compiled[key]
 
     def draw(self, count: int, rng: np.random.Generator, *, moving: bool = True) -> States:
         """Draw states; their number is about the count, less those whose loops did not close."""
         chain = self.chain
         q = self._configurations(count, rng)
-        project = stp.compile_function(self.by_tree.casadi("tree_projection"), engine=self._engine)
+        project = self.compiled("tree_projection")
         push = 9.81 * pin.computeTotalMass(chain.model) * chain.length_scale
         tau = rng.normal(size=(len(q), chain.nu)) * push / chain.tangent_scale[chain.motor_index]
         status = np.zeros(len(q), dtype=np.int8)
@@ -139,7 +147,7 @@ class Mechanism:
         q, v, a, tau = q[good], v[good], a[good], tau[good]
         if chain.platform is None:
             return States(q, v, a, tau, None, None, None)
-        pose = as_poses(*stp.compile_function(self.by_tree.casadi("platform_pose"), engine=self._engine)(q))
+        pose = as_poses(*self.compiled("platform_pose")(q))
         return States(q, v, a, tau, pose, *self.compiled(_moved_platform)(q, v, a))
 
     def _configurations(self, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -147,7 +155,7 @@ class Mechanism:
         if not chain.nc:
             step = rng.uniform(-2, 2, (count, chain.nv)) * chain.tangent_scale
             return np.array([pin.integrate(chain.model, chain.q_home, one) for one in step])
-        project = stp.compile_function(self.by_tree.casadi("tree_projection"), engine=self._engine)
+        project = self.compiled("tree_projection")
         displace = self.compiled(_displaced)
         home, still = np.tile(chain.q_home, (-(-count // GENERATIONS), 1)), np.zeros(chain.nv)
         joints = [joint for joint in chain.model.joints[1:] if joint.nq == joint.nv == 1]
