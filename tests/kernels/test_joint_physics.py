@@ -33,9 +33,10 @@ from tests.zoo.table import ROBOTS
 AGREE = 1e-10
 """Relative; as law 5 without what joints do, of which these are a part."""
 QUICK = ("five_bar", "rpr_planar", "revolute", "prismatic")
-NAMES = slow_but_for_few([*ROBOTS, *KINDS], QUICK)
-DERIVED = [name for name in (*ROBOTS, *KINDS) if name not in ("stewart_s1", "stewart_cad")]
-"""Where derivatives are asked for: legs of the other two are those of `stewart`, and their derivatives take longest."""
+TWINS = ("stewart_s1", "stewart_cad")
+"""Their joints, legs and loops are those of `stewart`: the same kernels with other numbers."""
+EACH = [name for name in (*ROBOTS, *KINDS) if name not in TWINS]
+NAMES = slow_but_for_few(EACH, QUICK)
 
 
 @cache
@@ -183,7 +184,7 @@ def test_without_friction_a_joint_at_rest_is_nothing_special(name: str, rng: np.
 
 
 @pytest.mark.parametrize("coordinates", ["motor", "platform"])
-@pytest.mark.parametrize("name", slow_but_for_few(DERIVED, ("five_bar", "rpr_planar")))
+@pytest.mark.parametrize("name", slow_but_for_few(EACH, ("five_bar", "rpr_planar")))
 def test_derivatives_agree_with_differences(name: str, coordinates: str, rng: np.random.Generator) -> None:
     derivatives_agree(compiled(name, coordinates), rng)
 
@@ -229,7 +230,7 @@ def _moved(value: np.ndarray, step: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("coordinates", ["tree", "motor"])
-@pytest.mark.parametrize("name", slow_but_for_few(DERIVED, ("five_bar",)))
+@pytest.mark.parametrize("name", slow_but_for_few(EACH, ("five_bar",)))
 def test_derivatives_by_the_geometry_agree_with_differences(name: str, coordinates: str) -> None:
     kernels = compiled(name, coordinates)
     if stp.mobility(kernels.chain).idle:
@@ -253,7 +254,7 @@ def test_derivatives_by_the_geometry_agree_with_differences(name: str, coordinat
 # ----------------------------------------------------------------------------------------------------
 
 
-LEGGED = stp.robots()
+LEGGED = [name for name in stp.robots() if name not in TWINS]
 
 
 @pytest.mark.parametrize("coordinates", ["motor", "platform"])
