@@ -56,7 +56,13 @@ def told(state: stp.State, coordinates: str) -> tuple[np.ndarray, ...]:
     return pin.SE3ToXYZQUAT(motion), twist, state.P @ a + state.platform_bias
 
 
-SLOW = ("seven cables", "four in a plane, by the motors", "as many motors as freedoms", "cables_8")
+SLOW = (
+    "seven cables",
+    "four in a plane",
+    "four in a plane, by the motors",
+    "as many motors as freedoms",
+    "cables_8",
+)
 """Ways that tell no more than others do, to be asked with `-m slow`."""
 
 
