@@ -36,6 +36,7 @@ class JointKind(StrEnum):
     PLANAR = "planar"
     POINT_ON_LINE = "point_on_line"
     DISTANCE = "distance"
+    CABLE = "cable"
 
 
 TREE_KINDS = (
@@ -57,6 +58,7 @@ LOOP_KINDS = (
     JointKind.PLANAR,
     JointKind.POINT_ON_LINE,
     JointKind.DISTANCE,
+    JointKind.CABLE,
 )
 """Kinds that the closure of a loop may have."""
 
@@ -108,7 +110,8 @@ def loop_coordinates(kind: JointKind) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Lengths are called ``length``, ``x`` or ``y``; the others are angles. None for rigid closures and distances.
+        Lengths are called ``length``, ``x`` or ``y``; the others are angles. None for rigid closures, distances and
+        cables.
     """
     return _LOOP_COORDINATES.get(kind, ())
 
@@ -129,8 +132,8 @@ def physics_coordinates(kind: JointKind) -> tuple[str, ...]:
     return ("turn",) if kind is JointKind.SPHERICAL else loop_coordinates(kind)
 
 
-AXIS_FREE_LOOPS = (JointKind.FIXED, JointKind.SPHERICAL, JointKind.DISTANCE)
-"""Kinds of loops whose meaning does not depend on an axis."""
+AXIS_FREE_LOOPS = (JointKind.FIXED, JointKind.SPHERICAL, JointKind.DISTANCE, JointKind.CABLE)
+"""Kinds of loops whose meaning does not depend on an axis; that of a cable does where it runs over a pulley."""
 
 
 Span = tuple[float, float]
@@ -251,6 +254,26 @@ def _span(value: float | Span) -> Span:
     return value if isinstance(value, tuple) else (-value, value)
 
 
+@dataclass(frozen=True)
+class Cable:
+    """How a cable is wound in, and the pulley that it runs over.
+
+    Attributes
+    ----------
+    reel
+        Joint of the tree whose coordinate winds the cable in; None: its length stays as it is.
+    ratio
+        Cable that is wound in per unit of that coordinate [m per m or rad].
+    radius
+        Radius of the pulley [m]; 0: the cable leaves from a point. The cable comes along the axis of frame 1 to its
+        origin, where it touches the pulley, and the pulley swivels about that axis towards the other end.
+    """
+
+    reel: str | None = None
+    ratio: float = 1.0
+    radius: float = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Loop:
     """A joint that closes a loop: a frame on link 1 and a frame on link 2 that move as the kind allows.
@@ -271,11 +294,14 @@ class Loop:
     axis2
         (3,) second axis of a universal joint, in frame 2, a unit vector.
     length
-        Distance kept between the frame origins by a `DISTANCE` loop [m].
+        Distance kept between the frame origins by a `DISTANCE` loop, or all of a `CABLE` from the origin of frame 1 to
+        that of frame 2 where its reel reads zero [m].
     bounds
         What each coordinate of the joint may do, in the order of `loop_coordinates`; empty: nothing is stated.
     physics
         What it does by itself along each of `physics_coordinates`, in their order; empty: nothing.
+    cable
+        Reel and pulley of a `CABLE`, which always pulls: its effort on the reel is its tension × ratio.
     """
 
     name: str
@@ -289,6 +315,7 @@ class Loop:
     length: float = 0.0
     bounds: tuple[Bounds, ...] = ()
     physics: tuple[JointPhysics, ...] = ()
+    cable: Cable = Cable()
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,8 @@ Three primitives make all kinds. With t the translation and R the rotation of 1M
 
 * a *normal* row holds ``n · t`` at zero: frame 2 stays in a plane of frame 1;
 * an *angle* row holds ``u1 · R u2`` at zero: two directions stay at right angles;
-* a *length* row holds ``|t| - length`` at zero: a rod.
+* a *length* row holds ``|t| - length`` at zero: a rod. That of a cable takes the way over a pulley in place of |t|, and
+  has what a reel has wound in added.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stewart_pin.model.description import JointKind, Loop, unknown_kind
+from stewart_pin.errors import SingularityError
+from stewart_pin.model.description import Cable, JointKind, Loop, unknown_kind
 from stewart_pin.typing import FloatArray
 
 
@@ -46,17 +48,23 @@ class AngleRow:
     u2: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LengthRow:
-    """``|t| = length``.
+    """``|t| = length``, or ``way(t) + ratio * reel = length``.
 
     Attributes
     ----------
     length
-        Distance between the origins of the loop frames [m].
+        Distance between the origins of the loop frames, or length of the cable where nothing is wound in [m].
+    axis
+        (3,) axis about which a pulley swivels, a unit vector in loop frame 1.
+    cable
+        Reel and pulley; those of a rod are no reel and no pulley.
     """
 
     length: float
+    axis: FloatArray
+    cable: Cable = Cable()
 
 
 Row = NormalRow | AngleRow | LengthRow
@@ -74,7 +82,7 @@ def closure_rows(loop: Loop) -> tuple[Row, ...]:
     -------
     tuple
         Rows: 3 for a spherical closure, 5 revolute, 4 universal, 4 cylindrical, 5 prismatic, 3 planar,
-        2 point on line, 1 distance, 6 fixed. Angle rows are the small-angle rotation about `a`, `b`, `c` in order.
+        2 point on line, 1 distance or cable, 6 fixed. Angle rows are the small-angle rotation about `a`, `b`, `c` in order.
     """
     a, b, c = orthonormal_triad(loop.axis)
     # u1 · R u2 with R ≈ 1 + [φ]×:  (c, b) gives φ·a,  (-c, a) gives φ·b,  (b, a) gives φ·c. The last two share u2 = a,
@@ -98,12 +106,36 @@ def closure_rows(loop: Loop) -> tuple[Row, ...]:
         case JointKind.POINT_ON_LINE:
             return across
         case JointKind.DISTANCE:
-            return (LengthRow(loop.length),)
+            return (LengthRow(loop.length, a),)
+        case JointKind.CABLE:
+            return (LengthRow(loop.length, a, loop.cable),)
         case JointKind.FIXED:
             return (*point, turn_a, turn_b, turn_c)
         case JointKind.FLOATING:
             return ()
     raise unknown_kind(f"loop '{loop.name}'", loop.kind, "the table of loop rows")
+
+
+def undefined_direction(loop: str, pulleys: bool) -> SingularityError:
+    """Say that the ends of a rod or a cable leave it no direction.
+
+    Parameters
+    ----------
+    loop
+        Name of the loop.
+    pulleys
+        Whether it may run over a pulley.
+
+    Returns
+    -------
+    SingularityError
+        To be raised.
+    """
+    where = " or that of a cable lies on the axis or within the circle of its pulley" if pulleys else ""
+    return SingularityError(
+        f"the ends of the distance loop '{loop}' coincide{where}, so its direction is undefined; close it first",
+        smallest_singular_value=0.0,
+    )
 
 
 def orthonormal_triad(axis: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

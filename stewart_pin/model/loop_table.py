@@ -26,11 +26,13 @@ class RowGroup:
     loop
         (r,) index of the loop of each row.
     vector1
-        (r, 3) unit vectors normal or u1 in loop frame 1; unused by length rows.
+        (r, 3) unit vectors normal or u1 in loop frame 1; of length rows the swivel axis of a pulley.
     vector2
         (r, 3) unit vectors u2 in loop frame 2; unused by normal and length rows.
     length
-        (r,) distance between the frame origins [m], used by length rows.
+        (r,) distance between the frame origins, or length of a cable [m], used by length rows.
+    radius
+        (r,) radius of the pulley [m], likewise.
     """
 
     index: np.ndarray
@@ -38,6 +40,27 @@ class RowGroup:
     vector1: FloatArray
     vector2: FloatArray
     length: FloatArray
+    radius: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class ReelRows:
+    """What reels add to the rows of their cables: ``ratio * q``.
+
+    Attributes
+    ----------
+    index
+        (r,) index of the cable's row among all loop rows.
+    q, v
+        (r,) indices of the reel in configuration and tangent.
+    ratio
+        (r,) cable that is wound in per unit of the reel [m per m or rad].
+    """
+
+    index: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    ratio: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +155,8 @@ class LoopTable:
         (n, 3) these directions in either frame, unit vectors.
     normal, angle, rod
         Rows of loops by primitive.
+    reel
+        What reels add to the rows of cables.
     coupling
         Rows of couplings.
     """
@@ -160,6 +185,7 @@ class LoopTable:
     normal: RowGroup
     angle: RowGroup
     rod: RowGroup
+    reel: ReelRows
     coupling: CouplingRows
 
 
@@ -231,6 +257,7 @@ def build_loop_table(mechanism: Mechanism, model: pin.Model) -> LoopTable:
         normal=normal,
         angle=angle,
         rod=_group(groups[LengthRow]),
+        reel=_reels(groups[LengthRow], model),
         coupling=_couplings(mechanism, model, first_coupling),
     )
 
@@ -296,6 +323,20 @@ def _aligned(loops: Sequence[Loop]) -> tuple[np.ndarray, FloatArray]:
     return numbers, np.array([direction for _, direction in held], dtype=float).reshape(-1, 3)
 
 
+def _reels(entries: Sequence[_Entry], model: pin.Model) -> ReelRows:
+    wound = [
+        (index, model.joints[model.getJointId(row.cable.reel)], row.cable.ratio)
+        for index, _, row in entries
+        if isinstance(row, LengthRow) and row.cable.reel is not None
+    ]
+    return ReelRows(
+        index=np.array([index for index, _, _ in wound], dtype=int),
+        q=np.array([joint.idx_q for _, joint, _ in wound], dtype=int),
+        v=np.array([joint.idx_v for _, joint, _ in wound], dtype=int),
+        ratio=np.array([ratio for _, _, ratio in wound], dtype=float),
+    )
+
+
 def _couplings(mechanism: Mechanism, model: pin.Model, first: int) -> CouplingRows:
     couplings = mechanism.couplings
 
@@ -351,13 +392,16 @@ def support(model: pin.Model, joint: int) -> FloatArray:
 
 def _group(entries: list) -> RowGroup:
     zero = np.zeros(3)
-    first = [getattr(row, "normal", getattr(row, "u1", zero)) for _, _, row in entries]
+    first = [getattr(row, "normal", getattr(row, "u1", getattr(row, "axis", zero))) for _, _, row in entries]
     return RowGroup(
         index=np.array([index for index, _, _ in entries], dtype=int),
         loop=np.array([loop for _, loop, _ in entries], dtype=int),
         vector1=np.array(first, dtype=float).reshape(-1, 3),
         vector2=np.array([getattr(row, "u2", zero) for _, _, row in entries], dtype=float).reshape(-1, 3),
         length=np.array([getattr(row, "length", 0.0) for _, _, row in entries], dtype=float),
+        radius=np.array(
+            [row.cable.radius if isinstance(row, LengthRow) else 0.0 for _, _, row in entries], dtype=float
+        ),
     )
 
 
@@ -382,6 +426,7 @@ def independent_groups(table: LoopTable, model: pin.Model) -> list[tuple[BoolArr
     for k, row in enumerate(coupling.index):
         touched[row, [entry for entry in (coupling.v1[k], coupling.v2[k]) if entry >= 0]] = True
         touched[row] |= coupling.ratios_v[k] != 0
+    touched[table.reel.index, table.reel.v] = True
     # Entries of one joint move together.
     for joint in model.joints[1:]:
         own = slice(joint.idx_v, joint.idx_v + joint.nv)

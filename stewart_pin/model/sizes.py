@@ -24,6 +24,7 @@ _POINTS = (
     JointKind.UNIVERSAL,
     JointKind.FIXED,
     JointKind.DISTANCE,
+    JointKind.CABLE,
 )
 _LINES = (JointKind.REVOLUTE, JointKind.CYLINDRICAL)
 _NOWHERE = (JointKind.PRISMATIC, JointKind.PLANAR, JointKind.FLOATING)

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from decimal import Decimal
+from math import inf, isfinite
 
 import numpy as np
 import pinocchio as pin
@@ -280,12 +281,36 @@ class _Validator:
             if loop.link1 == loop.link2:
                 raise self._error(loop.name, f"loop '{loop.name}' joins link '{loop.link1}' to itself")
             # A rod as short as round-off has no direction, and two points on one place are a ball.
-            if loop.kind == "distance" and not loop.length > _ROUND_OFF * np.sqrt(self.round_off / _TURNED):
+            if loop.kind == "cable":
+                self._cable(loop)
+            if loop.kind in ("distance", "cable") and not loop.length > _ROUND_OFF * np.sqrt(self.round_off / _TURNED):
                 raise self._error(
                     loop.name,
                     f"loop '{loop.name}' keeps the distance {loop.length:g} m; give a <length value> above zero, or a "
                     "ball where the two points are one",
                 )
+
+    def _cable(self, loop: Loop) -> None:
+        cable, owner = loop.cable, f"cable '{loop.name}'"
+        if not 0 <= cable.radius < inf:
+            raise self._error(
+                loop.name, f"{owner} has a pulley of radius {cable.radius:g} m; it must be finite, and not below zero"
+            )
+        if cable.reel is None:
+            return
+        if not isfinite(cable.ratio) or cable.ratio == 0:
+            raise self._error(
+                loop.name,
+                f"{owner} has the ratio {cable.ratio:g} to its reel; give the cable that is wound in per unit of it",
+            )
+        reel = next((joint for joint in self.mechanism.joints if joint.name == cable.reel), None)
+        if reel is None or not reel.has_axis:
+            what = "is not there" if reel is None else f"is {reel.kind}"
+            able = ", ".join(joint.name for joint in self.mechanism.joints if joint.has_axis) or "none"
+            raise self._error(
+                loop.name,
+                f"{owner} is wound in by joint '{cable.reel}', which {what}; name a revolute or prismatic joint: {able}",
+            )
 
     def _couplings(self) -> None:
         joints = {joint.name: joint for joint in self.mechanism.joints}

@@ -16,6 +16,7 @@ row      φ              force of w         moment of w
 normal   n · t          n                  p2 × n
 angle    u1 · R u2      0                  u2 × u1
 length   ǀtǀ - length   e                  p2 × e
+         + ratio q          and ratio at the reel of a cable, with its way over the pulley, `cable_paths`, for ǀtǀ
 coupling q1 - p(q2)     joint efforts 1 and -p' instead of a wrench
          - r q          and -r at further joints
 ======== ============== ================== =========================================
@@ -31,8 +32,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy.linalg import get_lapack_funcs
 
-from stewart_pin.errors import SingularityError
+from stewart_pin.model.loop_rows import undefined_direction
 from stewart_pin.model.loop_table import LoopTable
+from stewart_pin.state.cable_paths import CablePaths, cable_paths
 from stewart_pin.state.scratch import PlacedJoints
 from stewart_pin.tolerances import FAR_FROM_SINGULAR
 from stewart_pin.typing import Configuration, FloatArray, Tangent
@@ -56,9 +58,11 @@ class PlacedLoops(NamedTuple):
     u1, u2
         (a, 3) unit vectors of the angle rows.
     reach
-        (r,) distances of the ends of the length rows [m].
+        (r,) distances of the ends of the length rows, of cables the ways over their pulleys [m].
     along
         (r, 3) unit vectors of the length rows; x of frame 1 where the ends coincide, and no direction is defined.
+    cables
+        All length rows as cables, in world axes, or None where there is no pulley.
     """
 
     origin1: FloatArray
@@ -68,6 +72,7 @@ class PlacedLoops(NamedTuple):
     u2: FloatArray
     reach: FloatArray
     along: FloatArray
+    cables: CablePaths | None
 
 
 def place_loops(table: LoopTable, placed: PlacedJoints) -> PlacedLoops:
@@ -89,23 +94,27 @@ def place_loops(table: LoopTable, placed: PlacedJoints) -> PlacedLoops:
     one, two, three, four = table.split
     origin1 = turned[:one] + placed.translation.take(table.at1, 0)
     origin2 = turned[one:two] + placed.translation.take(table.at2, 0)
-    reach, along = _NO_RODS if not table.rod.index.size else _rods(table, placed, origin1, origin2)
-    return PlacedLoops(origin1, origin2, turned[two:three], turned[three:four], turned[four:], reach, along)
+    rods = _NO_RODS if not table.rod.index.size else _rods(table, placed, origin1, origin2)
+    return PlacedLoops(origin1, origin2, turned[two:three], turned[three:four], turned[four:], *rods)
 
 
-_NO_RODS = np.zeros(0), np.zeros((0, 3))
+_NO_RODS = np.zeros(0), np.zeros((0, 3)), None
 
 
 def _rods(
     table: LoopTable, placed: PlacedJoints, origin1: FloatArray, origin2: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, CablePaths | None]:
     """Distances and directions of the length rows."""
     loop = table.rod.loop
     apart = (origin2 - origin1)[loop]
+    if table.rod.radius.any():
+        frames = placed.rotation[table.at1[loop]] @ table.rotation1[loop]
+        cables = cable_paths(apart, (frames @ table.rod.vector1[:, :, None])[:, :, 0], table.rod.radius)
+        return cables.length, cables.along, cables
     reach = np.sqrt((apart * apart).sum(axis=1))
     aside = (placed.rotation[table.at1[loop]] @ table.rotation1[loop])[:, :, 0]
     along = np.where(reach[:, None] > 0, apart, aside) / np.where(reach > 0, reach, 1.0)[:, None]
-    return reach, along
+    return reach, along, None
 
 
 def gap_of(table: LoopTable, at: PlacedLoops, q: Configuration) -> FloatArray:
@@ -131,6 +140,7 @@ def gap_of(table: LoopTable, at: PlacedLoops, q: Configuration) -> FloatArray:
         return gap
     gap = _scattered(table, gap, (at.u1 * at.u2).sum(axis=1))
     gap[rod.index] = at.reach - rod.length
+    gap[table.reel.index] += table.reel.ratio * q[table.reel.q]
     if coupling.index.size:
         gap[coupling.index] = q[coupling.q1] - coupling.evaluate(q, 0) - coupling.ratios_q @ q
     return gap
@@ -195,6 +205,8 @@ def jacobian_of(table: LoopTable, wrench: FloatArray, joints: FloatArray, q: Con
     """
     # Each joint moves the rows of the loops that it opens, with the sign of the side on which it is.
     jacobian = (wrench @ joints) * table.row_difference
+    if table.reel.index.size:
+        jacobian[table.reel.index, table.reel.v] += table.reel.ratio
     coupling = table.coupling
     if coupling.index.size:
         jacobian[coupling.index, coupling.v1] += 1.0
@@ -264,15 +276,17 @@ def move_loops(
         )
         rate = _scattered(table, rate, _moment(turning))
     if rod.index.size:
-        if not at.reach.all():
-            culprit = table.names[int(rod.index[np.argmin(at.reach)])].rsplit(" row ", 1)[0]
-            raise SingularityError(
-                f"the ends of the distance loop '{culprit}' coincide, so its direction is undefined; close it first",
-                smallest_singular_value=0.0,
-            )
+        free, along = at.reach if at.cables is None else at.cables.free, at.along
+        if not free.all():
+            culprit = table.names[int(rod.index[np.argmin(free)])].rsplit(" row ", 1)[0]
+            raise undefined_direction(culprit, at.cables is not None)
         apart = (velocity2 - twist[:count, :3] - cross(omega1, at.origin1))[rod.loop]
-        along = at.along
-        e_rate = (apart - along * (along * apart).sum(axis=1)[:, None]) / at.reach[:, None]
+        if at.cables is None:
+            e_rate = (apart - along * (along * apart).sum(axis=1)[:, None]) / free[:, None]
+        else:
+            turning = omega1[rod.loop]
+            carried = cross(turning, (at.origin2 - at.origin1)[rod.loop])
+            e_rate = at.cables.turned(apart - carried) + cross(turning, along)
         rate[rod.index, :3] = e_rate
         rate[rod.index, 3:] = cross(velocity2[rod.loop], along) + cross(at.origin2[rod.loop], e_rate)
     return MovingLoops(rate, twist[count:] - twist[:count], drift[count:] - drift[:count])

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from stewart_pin.state.cable_paths import CablePaths, cable_paths
 from stewart_pin.typing import FloatArray, Tangent
 
 if TYPE_CHECKING:
@@ -151,8 +152,15 @@ class RelativeMotion:
         by_v = cross(self.A_v[3:], w) + cross(self.delta[3:], rate) + turn(omega, w_q)
         return rate_q, by_q, by_v
 
-    def distance(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Differentiate the rates of the length of t, l̈ = e·ẗ + |ṫ⊥|²/l.
+    def distance(self, axis: FloatArray, radius: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        r"""Differentiate the rates of the way l of a rod or a cable, l̈ = e·ẗ + ṫᵀ (∂e/∂t) ṫ.
+
+        Parameters
+        ----------
+        axis
+            (3,) swivel axis of the pulley in frame 1, a unit vector.
+        radius
+            Its radius; 0 for a rod [m].
 
         Returns
         -------
@@ -163,18 +171,33 @@ class RelativeMotion:
         rate = self.V[:3] + np.cross(omega, self.t)
         acceleration = self.A[:3] + np.cross(self.A[3:], self.t) + np.cross(omega, rate)
         t_q, rate_q, by_q, by_v = self.translation()
-        length = np.linalg.norm(self.t)
-        e = self.t / length
-        e_q = (t_q - np.outer(e, e @ t_q)) / length
-        across = rate - e * (e @ rate)
-        # |ṫ⊥|² = ṫ·ṫ - (e·ṫ)²
-        square_q = 2 * (across @ rate_q) - 2 * (e @ rate) * (rate @ e_q)
-        square_v = 2 * (across @ t_q)
+        way = cable_path(self.t, axis, radius)
+        e, turned = way.along[0], way.turned(rate[None])[0]
         return (
-            e @ rate_q + rate @ e_q,
-            e @ by_q + acceleration @ e_q + square_q / length - (across @ across) / length**2 * (e @ t_q),
-            e @ by_v + square_v / length,
+            e @ rate_q + turned @ t_q,
+            e @ by_q + way.turned(acceleration[None])[0] @ t_q + 2 * turned @ rate_q + way.bent(rate[None], t_q.T),
+            e @ by_v + 2 * turned @ t_q,
         )
+
+
+def cable_path(t: FloatArray, axis: FloatArray, radius: float) -> CablePaths:
+    """Lay one cable, or a rod, in frame 1.
+
+    Parameters
+    ----------
+    t
+        (3,) origin of frame 2 in frame 1 [m].
+    axis
+        (3,) swivel axis of the pulley in frame 1, a unit vector.
+    radius
+        Its radius; 0 for a rod [m].
+
+    Returns
+    -------
+    CablePaths
+        Of one entry, which broadcasts.
+    """
+    return cable_paths(t[None], axis[None], np.array([radius]))
 
 
 def relative_motion(chain: ClosedChain, data: pin.Data, k: int) -> RelativeMotion:

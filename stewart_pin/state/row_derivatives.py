@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from stewart_pin.model.loop_table import LoopTable
 from stewart_pin.state.chain import ClosedChain
-from stewart_pin.state.relative_motion import LoopEnds, cross, relative_motion, turn
+from stewart_pin.state.relative_motion import LoopEnds, cable_path, cross, relative_motion, turn
 from stewart_pin.typing import Configuration, FloatArray, Tangent
 
 
@@ -81,8 +81,9 @@ def row_derivatives(chain: ClosedChain, q: Configuration, v: Tangent, a: Tangent
     angle = table.angle
     for row, loop, u1, u2 in zip(angle.index, angle.loop, angle.vector1, angle.vector2, strict=True):
         result.set(row, *(u1 @ derivative for derivative in relative[loop].direction(u2)))
-    for row, loop in zip(table.rod.index, table.rod.loop, strict=True):
-        result.set(row, *relative[loop].distance())
+    rod = table.rod
+    for row, loop, axis, radius in zip(rod.index, rod.loop, rod.vector1, rod.radius, strict=True):
+        result.set(row, *relative[loop].distance(axis, radius))
     _fill_couplings(table, q, v, a, result)
     return result
 
@@ -202,9 +203,9 @@ def loop_wrench(
         wrench[3:] += moment * np.cross(w, u1)
         change[3:] += moment * cross(cross(delta[3:], w), u1)
     for i in np.flatnonzero(table.rod.loop == k):
-        force, length = lambda_c[table.rod.index[i]], np.linalg.norm(at.t)
-        e = at.t / length
-        e_q = (moved - np.outer(e, e @ moved)) / length
+        force = lambda_c[table.rod.index[i]]
+        way = cable_path(at.t, table.rod.vector1[i], table.rod.radius[i])
+        e, e_q = way.along[0], way.turned(moved.T).T
         wrench += force * np.concatenate([e, np.cross(at.t, e)])
         change += force * np.vstack([e_q, cross(moved, e) + turn(at.t, e_q)])
     return wrench, change
@@ -213,7 +214,7 @@ def loop_wrench(
 def _coupling_efforts(
     chain: ClosedChain, q: Configuration, lambda_c: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Joint efforts of the couplings, 1, -p' and -r times each reaction, and what of them changes with q2."""
+    """Joint efforts of couplings, 1, -p' and -r times each reaction, and of reels; and what of them changes with q2."""
     rows, slope, curve = (
         chain.loop_table.coupling,
         *(chain.loop_table.coupling.evaluate(q, n) for n in (1, 2)),
@@ -224,7 +225,10 @@ def _coupling_efforts(
         if rows.v2[k] >= 0:
             efforts[rows.v2[k]] -= slope[k] * lambda_c[row]
             derivative[rows.v2[k], rows.v2[k]] -= curve[k] * lambda_c[row]
-    return efforts - lambda_c[rows.index] @ rows.ratios_v, derivative
+    efforts -= lambda_c[rows.index] @ rows.ratios_v
+    reel = chain.loop_table.reel
+    np.add.at(efforts, reel.v, reel.ratio * lambda_c[reel.index])
+    return efforts, derivative
 
 
 def _force_cross(columns: FloatArray, wrench: FloatArray) -> FloatArray:

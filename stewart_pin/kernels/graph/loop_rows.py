@@ -18,7 +18,7 @@ from numpy.polynomial.polynomial import polyder
 
 from stewart_pin.kernels.graph.bodies import Motions, Placements, Wrench, efforts_of_wrenches, moments_of
 from stewart_pin.kernels.planning.spatial import constant, rotation_constant
-from stewart_pin.kernels.planning.tree import CouplingRow, LoopEnds, Tree
+from stewart_pin.kernels.planning.tree import CouplingRow, LoopEnds, Tree, TreeJoint
 from stewart_pin.model.description import JointKind
 from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow
 
@@ -70,6 +70,9 @@ def loop_columns(tree: Tree, at: Placements, q: ca.SX) -> LoopColumns:
             loop.body2: about_origin(wrench2, constant(loop.translation2)),
         }
         columns[:, index] = efforts_of_wrenches(tree.joints, at, wrenches, len(index))
+        reel = reel_of(tree, loop)
+        if reel is not None:
+            columns[reel.v.start, index[0]] += loop.rows[0].cable.ratio
     for row in tree.couplings:
         columns[row.v1, row.index] = 1
         for _, entry, ratio in row.others:
@@ -77,6 +80,46 @@ def loop_columns(tree: Tree, at: Placements, q: ca.SX) -> LoopColumns:
         if row.v2 >= 0:
             columns[row.v2, row.index] = -follower(row, q, 1)
     return LoopColumns(columns, turn)
+
+
+def reel_of(tree: Tree, loop: LoopEnds) -> TreeJoint | None:
+    """Find the joint that winds in the cable of a loop.
+
+    Parameters
+    ----------
+    tree
+        Constants.
+    loop
+        The loop.
+
+    Returns
+    -------
+    TreeJoint or None
+        The joint, where there is one.
+    """
+    row = loop.rows[0]
+    name = row.cable.reel if isinstance(row, LengthRow) else None
+    return None if name is None else next(joint for joint in tree.joints if joint.name == name)
+
+
+def _way(row: LengthRow, reach: ca.SX, slide: ca.SX | None = None) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Length of a rod or of a cable over its pulley, its gradient e, and slideᵀ (∂e/∂reach) slide, in frame 1."""
+    t, s = ca.SX.sym("t", 3), ca.SX.sym("s", 3)
+    radius, axis = row.cable.radius, constant(row.axis)
+    if radius:
+        height = ca.dot(axis, t)
+        beyond = ca.norm_2(t - height * axis) - radius
+        free = ca.sqrt(beyond**2 + height**2 - radius**2)
+        length = radius * (ca.pi - ca.atan2(height, beyond) - ca.atan2(free, radius)) + free
+        e = ca.gradient(length, t)
+        bend = ca.dot(s, ca.jtimes(e, t, s))
+    else:
+        length = ca.norm_2(t)
+        e = t / length
+        across = s - e * ca.dot(e, s)
+        bend = ca.dot(across, across) / length
+    way = ca.Function("way", [t, s], [length, e, bend])
+    return way(reach, ca.SX.zeros(3) if slide is None else slide)
 
 
 def follower(row: CouplingRow, q: ca.SX, order: int) -> ca.SX:
@@ -172,7 +215,7 @@ def _row_wrenches(loop: LoopEnds, between: Between) -> tuple[ca.SX, ca.SX]:
                 # u1 · (w × R u2) = w · (R u2 × u1)
                 moment = ca.cross(between.rotation @ constant(row.u2), constant(row.u1))
             case LengthRow():
-                force = between.translation / ca.norm_2(between.translation)
+                force = _way(row, between.translation)[1]
         columns.append((force, moment))
     to_body1 = -rotation_constant(loop.rotation1)
     to_body2 = rotation_constant(loop.rotation2) @ between.rotation.T
@@ -259,10 +302,8 @@ def _row_accelerations(tree: Tree, loop: LoopEnds, between: Between, moving: Mot
                 second = ca.cross(spin_rate, turned) + ca.cross(spin, ca.cross(spin, turned))
                 values.append(ca.dot(constant(row.u1), second))
             case LengthRow():
-                distance = ca.norm_2(between.translation)
-                along = between.translation / distance
-                across = slide - along * ca.dot(along, slide)
-                values.append(ca.dot(along, slide_rate) + ca.dot(across, across) / distance)
+                _, along, bend = _way(row, between.translation, slide)
+                values.append(ca.dot(along, slide_rate) + bend)
     return ca.vertcat(*values)
 
 
@@ -302,7 +343,10 @@ def loop_gaps(tree: Tree, at: Placements, q: ca.SX) -> ca.SX:
                 case AngleRow():
                     gap[index] = ca.dot(constant(row.u1), rotation @ constant(row.u2))
                 case LengthRow():
-                    gap[index] = ca.norm_2(reach) - row.length
+                    gap[index] = _way(row, reach)[0] - row.length
+        reel = reel_of(tree, loop)
+        if reel is not None:
+            gap[loop.index[0]] += loop.rows[0].cable.ratio * q[reel.q.start]
     for row in tree.couplings:
         gap[row.index] = q[row.q1] - follower(row, q, 0) - sum(ratio * q[at] for at, _, ratio in row.others)
     return gap

@@ -29,7 +29,7 @@ from stewart_pin.mechanics.articulated_body.passes import (
 from stewart_pin.mechanics.constraint_matrix.joint_efforts import friction_at_rest
 from stewart_pin.mechanics.effort import Motion
 from stewart_pin.model.description import Loop
-from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows
+from stewart_pin.model.loop_rows import AngleRow, LengthRow, NormalRow, closure_rows, undefined_direction
 from stewart_pin.state.base_motion import BaseMotion
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.outside import Wrenches, as_wrenches
@@ -190,15 +190,8 @@ def loop_wrenches(loop: Loop, bodies: Sequence[Body], motion: BodyMotion) -> Loo
                 wrenches.append(np.concatenate([-skew(u1) @ u2, none]))  # u2 × u1
                 rates.append(np.concatenate([-skew(u1) @ (spin @ u2), none]))
             case LengthRow():
-                distance = float(np.linalg.norm(reach))
-                if distance == 0.0:
-                    raise SingularityError(
-                        f"the ends of the distance loop '{loop.name}' coincide, so its direction is undefined",
-                        smallest_singular_value=0.0,
-                    )
-                e = reach / distance
-                turn = (slide - e * (e @ slide)) / distance
-                gaps.append(distance - row.length)
+                way, e, turn = _way(loop, row, axes1 @ row.axis, reach, slide)
+                gaps.append(way - row.length)
                 wrenches.append(np.concatenate([arm @ e, e]))
                 rates.append(np.concatenate([sliding @ e + arm @ turn, turn]))
     wrench = np.array(wrenches).reshape(-1, 6).T
@@ -215,6 +208,36 @@ def loop_wrenches(loop: Loop, bodies: Sequence[Body], motion: BodyMotion) -> Loo
     )
 
 
+def _way(
+    loop: Loop, row: LengthRow, axis: FloatArray, reach: FloatArray, slide: FloatArray
+) -> tuple[float, FloatArray, FloatArray]:
+    """Length of a rod or of a cable over its pulley, its direction at frame 2, and the rate of that.
+
+    With D from the middle of the pulley to the far end, D⊥ at right angles to it and f² = D² - r² the free cable, the
+    tangent is e = (f D - r D⊥) / D²; its rate is that of the quotient.
+    """
+    radius = row.cable.radius
+    level = reach - axis * (axis @ reach)
+    away = float(np.linalg.norm(level if radius else reach))
+    ahead = level / away if radius and away else np.zeros(3)
+    side = skew(ahead) @ axis
+    middle = reach - radius * ahead
+    square = float(middle @ middle)
+    if away == 0.0 or square <= radius**2:
+        raise undefined_direction(loop.name, bool(radius))
+    free = np.sqrt(square - radius**2)
+    yaw = float((skew(axis) @ ahead) @ slide) / away  # of the pulley about its swivel axis
+    moving = slide - radius * yaw * (skew(axis) @ ahead)
+    beside, beside_rate = skew(side) @ middle, skew(side) @ moving + yaw * skew(skew(axis) @ side) @ middle
+    e = (free * middle - radius * beside) / square
+    along = float(middle @ moving)
+    rate = (along / free * middle + free * moving - radius * beside_rate - 2 * along * e) / square
+    if not radius:
+        return free, e, rate
+    wrapped = np.arccos(-radius / np.sqrt(square)) - np.arctan2(axis @ middle, ahead @ middle)
+    return float(radius * wrapped + free), e, rate
+
+
 def _loop_frame(to_base: FloatArray, placement: pin.SE3) -> tuple[FloatArray, FloatArray]:
     """Axes (3, 3) and origin (3,) of a loop frame in base coordinates, read off ⁱX₀ = [[E, 0], [-E r×, E]]."""
     rotation = to_base[:3, :3].T
@@ -224,6 +247,17 @@ def _loop_frame(to_base: FloatArray, placement: pin.SE3) -> tuple[FloatArray, Fl
 
 
 # ----------------------------------------------------------------------------------------------------
+
+def _reels(chain: ClosedChain, bodies: Sequence[Body]) -> FloatArray:
+    """(nc, nv) what the reels of cables add to the rates of the rows; the rows of loops stand in their order."""
+    at = {body.joint.name: body for body in bodies if body.joint is not None}
+    wound, row = np.zeros((chain.nc, chain.nv)), 0
+    for loop in chain.loops:
+        if loop.cable.reel is not None:
+            wound[row, at[loop.cable.reel].v_index] = loop.cable.ratio
+        row += len(closure_rows(loop))
+    return wound
+
 
 _LENT = 0.1
 """Arm, in robot sizes, at which a lent rotor has all the mass of the robot."""
@@ -314,6 +348,8 @@ def closed_chain_articulated_body(
         coordinate.give(1.0, tau[:, k], bias[:, :, k])
     # A gear's unit force is a pair of joint efforts.
     tau[:, 1 + chain.nc - gears.jacobian.shape[0] : 1 + chain.nc] = gears.jacobian.T
+    wound = _reels(chain, bodies)
+    tau[:, 1 : 1 + chain.nc] += wound.T
     tau[lent, np.arange(1 + chain.nc, 1 + rows)] = 1.0
     base = np.zeros((6, cases))
     base[:, 0] = base_acceleration
@@ -332,6 +368,7 @@ def closed_chain_articulated_body(
             response.joint[lent],
         ]
     )
+    relative[: chain.nc] += wound @ response.joint
     relative[: chain.nc, 0] += np.concatenate([*(loop.bias for loop in loops), gears.bias])
     given, asked = [0, *range(1 + rows, cases)], slice(1, 1 + rows)
     kept = relative[:, asked]

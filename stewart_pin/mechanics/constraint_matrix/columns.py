@@ -20,7 +20,7 @@ from stewart_pin.mechanics.constraint_matrix.kinematics import (
     skew,
 )
 from stewart_pin.mechanics.constraint_matrix.topology import CompoundJoint
-from stewart_pin.model.description import JointKind, Loop, unknown_kind
+from stewart_pin.model.description import Cable, JointKind, Loop, unknown_kind
 from stewart_pin.typing import FloatArray
 
 # ----------------------------------------------------------------------------------------------------
@@ -60,17 +60,23 @@ class MomentAcross:
     second: FloatArray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ForceBetween:
-    """A force along the line between the origins of the frames, which keeps their distance.
+    """A force along the line between the origins of the frames, which keeps their distance; or along a cable.
 
     Attributes
     ----------
     distance
         What is kept [m].
+    axis
+        (3,) axis about which the pulley of the cable swivels, in frame 1.
+    cable
+        Its reel and pulley.
     """
 
     distance: float
+    axis: FloatArray
+    cable: Cable
 
 
 Transmitted = ForceAlong | MomentAcross | ForceBetween
@@ -108,7 +114,8 @@ def transmitted(loop: Loop) -> tuple[Transmitted, ...]:
         JointKind.PRISMATIC: (ForceAlong(left), ForceAlong(up), twist, *held),
         JointKind.PLANAR: (ForceAlong(axis), *held),
         JointKind.POINT_ON_LINE: (ForceAlong(left), ForceAlong(up)),
-        JointKind.DISTANCE: (ForceBetween(loop.length),),
+        JointKind.DISTANCE: (ForceBetween(loop.length, axis, Cable()),),
+        JointKind.CABLE: (ForceBetween(loop.length, axis, loop.cable),),
         JointKind.FIXED: (ForceAlong(x), ForceAlong(y), ForceAlong(z), twist, *held),
     }
     if loop.kind not in by_kind:
@@ -302,7 +309,9 @@ def loop_columns(loop: Loop, link1: LinkMotion, link2: LinkMotion) -> Columns:
     return Columns(np.stack(wrenches, axis=1), np.array(demands))
 
 
-def loop_openings(loop: Loop, link1: LinkMotion, link2: LinkMotion, size: float) -> FloatArray:
+def loop_openings(
+    loop: Loop, link1: LinkMotion, link2: LinkMotion, size: float, wound: float = 0.0
+) -> FloatArray:
     """Measure how far a loop is from closed.
 
     Parameters
@@ -313,6 +322,8 @@ def loop_openings(loop: Loop, link1: LinkMotion, link2: LinkMotion, size: float)
         Motion of its links.
     size
         Length that counts as one [m].
+    wound
+        What a reel has wound in of a cable [m].
 
     Returns
     -------
@@ -328,7 +339,8 @@ def loop_openings(loop: Loop, link1: LinkMotion, link2: LinkMotion, size: float)
         elif isinstance(part, ForceAlong):
             openings.append((ends.rotation1 @ part.direction) @ reach / size)
         else:
-            openings.append((np.linalg.norm(reach) - part.distance) / size)
+            way = _over_pulley(part, ends, reach)[2] if part.cable.radius else np.linalg.norm(reach)
+            openings.append((way + wound - part.distance) / size)
     return np.array(openings)
 
 
@@ -418,12 +430,42 @@ def _loop_row(part: Transmitted, ends: LoopEnds) -> tuple[FloatArray, float]:
         # g = n·reach with n fixed in body 1: d²g = n·(relative acceleration) + 2 (w1 × n)·apart.
         known = n @ classical + 2 * skew(w1) @ n @ apart
     else:
-        length = np.linalg.norm(reach)
-        n = reach / length
-        slip = apart - n * (n @ apart)
-        # g = |reach|: seen from body 1, d²g = n·c̈ + |slip|²/length; c̈ gains -2 w1 × apart from body 1's turning.
-        known = n @ (classical - 2 * skew(w1) @ apart) + slip @ slip / length
+        if part.cable.radius:
+            n, turning, _ = _over_pulley(part, ends, reach, apart)
+            bent = turning @ apart
+        else:
+            length = np.linalg.norm(reach)
+            n = reach / length
+            slip = apart - n * (n @ apart)
+            bent = slip @ slip / length
+        # g = |reach|: seen from body 1, d²g = n·c̈ + ṅ·ċ; c̈ gains -2 w1 × apart from body 1's turning.
+        known = n @ (classical - 2 * skew(w1) @ apart) + bent
     return np.concatenate([n, skew(point) @ n]), -float(known)
+
+
+def _over_pulley(
+    part: ForceBetween, ends: LoopEnds, reach: FloatArray, apart: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray, float]:
+    """Direction of a cable beyond its pulley, how it turns as the far end moves, seen from body 1, and its length.
+
+    By the point at which it leaves: the pulley's plane turns about the swivel axis, the cable rolls off in it.
+    """
+    radius, up = part.cable.radius, ends.rotation1 @ part.axis
+    level = reach - up * (up @ reach)
+    ahead = level / np.sqrt(level @ level)
+    side = skew(ahead) @ up  # turns ahead to up
+    middle = reach - radius * ahead
+    straight = np.sqrt(middle @ middle - radius**2)
+    leaves = (radius**2 * middle + radius * straight * (skew(side) @ middle)) / (middle @ middle)
+    n = (middle - leaves) / straight
+    wrapped = np.arctan2(-(skew(leaves) @ ahead) @ side, -ahead @ leaves) % (2 * np.pi)
+    turning = np.zeros(3)
+    if apart is not None:
+        # Angular velocities of the plane about `up`, and of the cable in it about `side`.
+        swivelling = (skew(up) @ level) @ apart / (level @ level)
+        rolling = leaves @ apart / (radius * straight)
+        turning = skew(up * swivelling + side * rolling) @ n
+    return n, turning, radius * wrapped + straight
 
 
 def _complement(columns: FloatArray) -> FloatArray:

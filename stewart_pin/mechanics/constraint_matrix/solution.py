@@ -22,6 +22,7 @@ from stewart_pin.mechanics.constraint_matrix.system import (
     AssembledSystem,
     ConstraintMatrixSystem,
     assemble,
+    wound_in,
     coupling_opening,
     loaded_links,
     tree_accelerations,
@@ -85,7 +86,7 @@ def constraint_matrix_inverse_dynamics(
     # About a point within the robot: where it stands in the world shall cost no digits.
     assembled = assemble(chain, q, v, a, _middle(state), outside, state.base_motion)
     system = assembled.system
-    _require_consistent(chain, assembled, a)
+    _require_consistent(chain, assembled, q, a)
     _require_coupled(chain, q, v, a)
     n_bodies = system.f_p.size
     deficiency = _deficiency(chain, loaded_links(chain, outside), acting_joints(chain))
@@ -272,7 +273,7 @@ def _demanded(assembled: AssembledSystem, a: Tangent) -> FloatArray:
     return tree_accelerations(assembled.topology, assembled.freedoms, a, ground)
 
 
-def _require_consistent(chain: ClosedChain, assembled: AssembledSystem, a: Tangent) -> None:
+def _require_consistent(chain: ClosedChain, assembled: AssembledSystem, q: Configuration, a: Tangent) -> None:
     """Check gap, rate and acceleration of the loops as the bodies' own motion shows them."""
     system = assembled.system
     bodies = _demanded(assembled, a)
@@ -285,6 +286,7 @@ def _require_consistent(chain: ClosedChain, assembled: AssembledSystem, a: Tange
             assembled.links[joint.loop.link1],
             assembled.links[joint.loop.link2],
             chain.length_scale,
+            wound_in(chain, joint.loop.cable, q),
         )
         if np.abs(opening).max() > CONSISTENT:
             raise InputError(

@@ -43,7 +43,7 @@ from stewart_pin.mechanics.constraint_matrix.kinematics import (
     tree_motion,
 )
 from stewart_pin.mechanics.constraint_matrix.topology import Topology, topology
-from stewart_pin.model.description import Coupling
+from stewart_pin.model.description import Cable, Coupling
 from stewart_pin.state.base_motion import BaseMotion
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.outside import OutsideWrenches, Wrenches, as_wrenches
@@ -143,6 +143,43 @@ def coupling_opening(
     a2 = _coordinate(chain, coupling.joint2, q, a)[1]
     slope, curve = float(power.deriv()(q2)), float(power.deriv(2)(q2))
     return q1 - float(power(q2)), v1 - slope * v2, a1 - slope * a2 - curve * v2**2
+
+
+def _reel_part(
+    chain: ClosedChain,
+    cable: Cable,
+    layout: Topology,
+    freedoms: Sequence[Freedoms],
+    number: Mapping[str, int],
+) -> tuple[int, int, Columns]:
+    """What a cable does at its reel: l + ratio q is kept, so that a reaction η gives the reel ratio η."""
+    assert cable.reel is not None
+    at = layout.compound(cable.reel)
+    entry = chain.model.joints[chain.model.getJointId(cable.reel)].idx_v
+    column = effort_column(freedoms[at], entry, 0.0)
+    compound = layout.tree[at]
+    scaled = Columns(cable.ratio * column.wrenches, cable.ratio * column.acceleration)
+    return number[compound.predecessor], number[compound.successor], scaled
+
+
+def wound_in(chain: ClosedChain, cable: Cable, q: Configuration) -> float:
+    """Measure what a reel has wound in.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    cable
+        Reel and ratio.
+    q
+        (nq,) configuration [m, rad, unit quaternions].
+
+    Returns
+    -------
+    float
+        Length, 0 without a reel [m].
+    """
+    return 0.0 if cable.reel is None else cable.ratio * _coordinate(chain, cable.reel, q, np.zeros(chain.nv))[0]
 
 
 def _coordinate(chain: ClosedChain, name: str, q: Configuration, v: Tangent) -> tuple[float, float]:
@@ -355,7 +392,10 @@ def assemble(
             )
     for loop in layout.loops:
         columns = loop_columns(loop.loop, links[loop.loop.link1], links[loop.loop.link2])
-        blocks.add(loop.name, str(loop.loop.kind), number[loop.predecessor], number[loop.successor], columns)
+        parts = [(number[loop.predecessor], number[loop.successor], columns)]
+        if loop.loop.cable.reel is not None:
+            parts.append(_reel_part(chain, loop.loop.cable, layout, freedoms, number))
+        blocks.add_parts(loop.name, str(loop.loop.kind), parts)
     for coupling in layout.couplings:
         parts = coupling_parts(chain, coupling, layout, freedoms, number, q, v)
         blocks.add_parts(coupling.name, "coupling", parts)

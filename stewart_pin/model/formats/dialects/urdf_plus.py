@@ -2,7 +2,8 @@
 
 A loop has a ``<predecessor link>`` and a ``<successor link>``, each with its ``<origin>``, and an ``<axis>``.
 Besides the types of URDF+, all kinds of loops are read and written: a universal one has ``<axis2>``, a distance has a
-``<length value>``. What its coordinates may do stands in ``<limit>`` as for a joint, of a kind with several in one for
+``<length value>``, a cable besides a ``<reel joint ratio>`` that winds it in and a ``<pulley radius>`` where it runs
+over one, about the ``<axis>``. What its coordinates may do stands in ``<limit>`` as for a joint, of a kind with several in one for
 each ``coordinate``. What it does by itself, damping and springs, stands in ``<dynamics>`` in the same way.
 
 A coupling has a ``<predecessor link>``, a ``<successor link>`` and a ``<ratio value>``: the positions of the joints
@@ -28,6 +29,7 @@ from stewart_pin.errors import UnsupportedError
 from stewart_pin.model.description import (
     AXIS_FREE_LOOPS,
     LOOP_KINDS,
+    Cable,
     Coupling,
     JointKind,
     Loop,
@@ -52,15 +54,20 @@ def _read_loop(reader: UrdfElements, element: etree._Element) -> Parts:
     if written not in list(LOOP_KINDS):
         raise reader.error(f"{owner} has the type '{written}'; supported: {', '.join(LOOP_KINDS)}", owner)
     kind = JointKind(written)
-    parts = {JointKind.UNIVERSAL: ("axis", "axis2"), JointKind.DISTANCE: ("length",)}.get(kind, ("axis",))
+    parts = {
+        JointKind.UNIVERSAL: ("axis", "axis2"),
+        JointKind.DISTANCE: ("length",),
+        JointKind.CABLE: ("axis", "length", "reel", "pulley"),
+    }.get(kind, ("axis",))
     reader.only(element, owner, ("name", "type"), ("predecessor", "successor", "limit", "dynamics", *parts))
     ends = [reader.child(element, tag, owner) for tag in ("predecessor", "successor")]
     length = 0.0
-    if kind is JointKind.DISTANCE:
+    if kind in (JointKind.DISTANCE, JointKind.CABLE):
         rod = reader.child(element, "length", owner)
         length = float(reader.numbers(rod, "value", 1, owner)[0])
+    cable = _read_cable(reader, element, owner) if kind is JointKind.CABLE else Cable()
     # An axis guessed for a loop would be another mechanism.
-    default = "0 0 1" if kind in AXIS_FREE_LOOPS else ""
+    default = "0 0 1" if kind in AXIS_FREE_LOOPS and not cable.radius else ""
     loop = Loop(
         name=name,
         kind=kind,
@@ -73,8 +80,23 @@ def _read_loop(reader: UrdfElements, element: etree._Element) -> Parts:
         length=length,
         bounds=read_bounds(reader, element, owner, kind),
         physics=read_loop_dynamics(reader, element, owner, kind),
+        cable=cable,
     )
     return Parts(loops=(loop,))
+
+
+def _read_cable(reader: UrdfElements, element: etree._Element, owner: str) -> Cable:
+    reel, pulley = (reader.optional(element, tag, owner) for tag in ("reel", "pulley"))
+    joint, ratio, radius = None, 1.0, 0.0
+    if reel is not None:
+        reader.only(reel, f"{owner}: <reel>", ("joint", "ratio"))
+        joint = reader.text(reel, "joint", owner)
+        if "ratio" in reel.attrib:
+            ratio = float(reader.numbers(reel, "ratio", 1, owner)[0])
+    if pulley is not None:
+        reader.only(pulley, f"{owner}: <pulley>", ("radius",))
+        radius = float(reader.numbers(pulley, "radius", 1, owner)[0])
+    return Cable(joint, ratio, radius)
 
 
 def _read_coupling(reader: UrdfElements, element: etree._Element) -> Parts:
@@ -195,12 +217,16 @@ def _write_loop(robot: etree._Element, loop: Loop) -> None:
     ):
         write_origin(etree.SubElement(element, tag, link=link), placement)
     swings = loop.kind is JointKind.SPHERICAL and bool(loop.bounds)  # by this axis
-    if swings or loop.kind not in AXIS_FREE_LOOPS:
+    if swings or loop.cable.radius or loop.kind not in AXIS_FREE_LOOPS:
         etree.SubElement(element, "axis", xyz=number_text(loop.axis))
     if loop.kind is JointKind.UNIVERSAL:
         etree.SubElement(element, "axis2", xyz=number_text(loop.axis2))
-    if loop.kind is JointKind.DISTANCE:
+    if loop.kind in (JointKind.DISTANCE, JointKind.CABLE):
         etree.SubElement(element, "length", value=number_text([loop.length]))
+    if loop.cable.reel is not None:
+        etree.SubElement(element, "reel", joint=loop.cable.reel, ratio=number_text([loop.cable.ratio]))
+    if loop.cable.radius:
+        etree.SubElement(element, "pulley", radius=number_text([loop.cable.radius]))
     own = loop_coordinates(loop.kind)
     for coordinate, bounds in zip(own, loop.bounds, strict=False):
         write_bounds(element, bounds, **({"coordinate": coordinate} if len(own) > 1 else {}))
@@ -213,11 +239,13 @@ DIALECT = Dialect(
     {"robot/loop": _read_loop, "robot/coupling": _read_coupling},
     {
         "robot/loop": Words(
-            ("name", "type"), ("predecessor", "successor", "axis", "axis2", "length", "limit", "dynamics")
+            ("name", "type"), ("predecessor", "successor", "axis", "axis2", "length", "reel", "pulley", "limit", "dynamics")
         ),
         "loop/predecessor": Words(("link",), ("origin",)),
         "loop/successor": Words(("link",), ("origin",)),
         "loop/length": Words(("value",)),
+        "loop/reel": Words(("joint", "ratio")),
+        "loop/pulley": Words(("radius",)),
         "loop/limit": Words(("coordinate", *LIMITS)),
         "loop/dynamics": Words(("coordinate", *DYNAMICS)),
         "robot/coupling": Words(
