@@ -2,6 +2,7 @@
 
 from . import arms as arms
 from . import build as build
+from . import cables as cables
 from . import compiled as compiled
 from . import control as control
 from . import dynamics as dynamics

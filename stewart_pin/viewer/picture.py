@@ -7,18 +7,20 @@ from typing import Any, Literal
 import numpy as np
 import pinocchio as pin
 
-from stewart_pin.model.description import JointKind
+from stewart_pin.model.description import JointKind, Link
 from stewart_pin.model.tree import link_frame
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import State
 from stewart_pin.typing import FloatArray
 from stewart_pin.viewer.readings import Readings
-from stewart_pin.viz.scene import link_surfaces, mark_size
+from stewart_pin.viz.scene import cable_lines, link_placements, link_surfaces, mark_size
 
 Colouring = Literal["force", "stroke left", "none"]
 
 _PLAIN, _PULL, _PUSH = np.array([150, 150, 150]), np.array([33, 102, 172]), np.array([214, 39, 40])
 _GOOD, _BAD = np.array([44, 140, 60]), np.array([214, 39, 40])
+_CABLE_WIDTH = 2.5
+"""Width of rods and cables [pixels]."""
 _NEAR_LIMIT = 0.15
 """Share of a stroke below which a motor begins to turn red."""
 
@@ -48,7 +50,17 @@ class Picture:
             for k, surface in enumerate(surfaces):
                 server.scene.add_mesh_trimesh(f"{nodes[link]}/surface {k}", surface)
         thick = mark_size(chain)
+        reels = {loop.cable.reel: loop.name for loop in chain.loops if loop.cable.reel is not None}
+        self._cables = {}
+        frames = link_placements(chain, chain.q_home)
+        for k, (loop, line) in enumerate(cable_lines(chain, frames).items()):
+            self._cables[loop] = server.scene.add_line_segments(
+                f"{root}/cable {k}", points=_pieces(line), colors=tuple(_PLAIN), line_width=_CABLE_WIDTH
+            )
+        self._winches = {name: self._cables[loop] for name, loop in reels.items()}
         for joint in chain.mechanism.joints:
+            if joint.name in reels:
+                continue
             driven, node = joint.name in chain.motors, f"{nodes[joint.child]}/joint"
             if joint.kind is JointKind.PRISMATIC:
                 turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), joint.axis)
@@ -71,6 +83,10 @@ class Picture:
                 f"{root}/platform frame", axes_length=reach, axes_radius=reach / 40
             )
 
+    def _bodies(self) -> tuple[Link, ...]:
+        """Links to be placed for cables; none where there are none."""
+        return self.chain.mechanism.links if self._cables else ()
+
     def remove(self) -> None:
         """Take it out of the scene."""
         self._root.remove()
@@ -90,6 +106,9 @@ class Picture:
         pin.framesForwardKinematics(self.chain.model, self._data, state.q)
         for link, handle in self._links.items():
             _place(handle, self._data.oMf[link_frame(self.chain.model, link)])
+        placed = {link.name: self._data.oMf[link_frame(self.chain.model, link.name)] for link in self._bodies()}
+        for loop, line in cable_lines(self.chain, placed).items():
+            self._cables[loop].points = _pieces(line)
         if readings.pose is not None:
             _place(self._frame, readings.pose)
         for name, (rod, at) in self._slides.items():
@@ -98,9 +117,13 @@ class Picture:
             rod.position = -travel / 2 * self._axes[name]
         colours = motor_colours(readings, colouring)
         for k, name in enumerate(self.chain.motors):
+            colour = tuple(int(x) for x in colours[k])
             handle = self._slides[name][0] if name in self._slides else self._turns.get(name)
             if handle is not None:
-                handle.color = tuple(int(x) for x in colours[k])
+                handle.color = colour
+            elif name in self._winches:
+                handle = self._winches[name]
+                handle.colors = np.broadcast_to(np.array(colour, dtype=np.uint8), handle.points.shape)
 
 
 def motor_colours(readings: Readings, colouring: Colouring) -> FloatArray:
@@ -135,6 +158,11 @@ def motor_colours(readings: Readings, colouring: Colouring) -> FloatArray:
     strength = np.clip(np.abs(shares), 0.0, 1.0)[:, None]
     full = np.where(shares[:, None] >= 0, _PUSH, _PULL)
     return np.where(np.isnan(strength), plain, _PLAIN + strength * (full - _PLAIN))
+
+
+def _pieces(line: FloatArray) -> FloatArray:
+    """(k - 1, 2, 3) pieces between (k, 3) points [m]."""
+    return np.stack([line[:-1], line[1:]], axis=1)
 
 
 def _place(handle: Any, placement: pin.SE3) -> None:

@@ -18,6 +18,7 @@ from stewart_pin.model.description import JointKind
 from stewart_pin.model.formats.xml import read_xml
 from stewart_pin.model.shapes import DRAWN
 from stewart_pin.model.tree import link_frame
+from stewart_pin.state.cable_paths import cable_paths
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.state.state import as_configuration
 from stewart_pin.typing import ArrayLike, Configuration, FloatArray
@@ -150,7 +151,7 @@ def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3], *, g
 
 
 def _draw_joints(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
-    reach = hinge_reach(chain)
+    reach, reels = hinge_reach(chain), _reels(chain)
     for joint in chain.mechanism.joints:
         if joint.kind in (JointKind.FLOATING, JointKind.FIXED):
             continue
@@ -159,6 +160,8 @@ def _draw_joints(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> N
         end = frames[joint.child].act(mark)
         driven = joint.name in chain.motors
         colour, label = (_MOTOR, "motor") if driven else (_BODY, "joint")
+        if joint.name in reels:
+            end = start
         axis.plot(*np.array([start, end]).T, color=colour, linewidth=3.0)
         # A sliding motor is its line, a turning one its mark.
         where = (np.asarray(start) + end) / 2 if joint.kind is JointKind.PRISMATIC else end
@@ -172,9 +175,57 @@ def _draw_joints(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> N
         )
 
 
-def _draw_loops(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
-    reach = hinge_reach(chain)
+def _reels(chain: ClosedChain) -> set[str]:
+    """Joints that wind in cables, and are drawn as marks at their exits."""
+    return {loop.cable.reel for loop in chain.loops if loop.cable.reel is not None}
+
+
+_ARC = 12
+"""Pieces in which a cable is drawn around its pulley."""
+
+
+def cable_lines(chain: ClosedChain, frames: dict[str, pin.SE3]) -> dict[str, FloatArray]:
+    """Lay rods and cables from their first frames, over their pulleys, to their second ones.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+    frames
+        Placements of its links, from `link_placements`.
+
+    Returns
+    -------
+    dict
+        ``{loop: (k, 3) points in the world}`` of loops that are distances or cables [m].
+    """
+    lines: dict[str, FloatArray] = {}
     for loop in chain.loops:
+        if loop.kind not in (JointKind.DISTANCE, JointKind.CABLE):
+            continue
+        one, two = frames[loop.link1] * loop.placement1, frames[loop.link2] * loop.placement2
+        points = np.array([one.translation, two.translation])
+        radius = loop.cable.radius
+        if radius:
+            axis = one.rotation @ loop.axis
+            path = cable_paths((points[1] - points[0])[None], axis[None], np.array([radius]))
+            radial = path.radial[0]
+            leaves = np.arctan2(path.outward[0] @ axis, path.outward[0] @ radial)
+            leaves -= 2 * np.pi * (leaves > np.pi)
+            angles = np.linspace(np.pi, leaves, _ARC)[:, None]
+            arc = points[0] + radius * (radial + np.cos(angles) * radial + np.sin(angles) * axis)
+            points = np.vstack([arc, points[1]])
+        lines[loop.name] = points
+    return lines
+
+
+def _draw_loops(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
+    reach, lines = hinge_reach(chain), cable_lines(chain, frames)
+    for loop in chain.loops:
+        if loop.name in lines:
+            label = "cable" if loop.kind is JointKind.CABLE else "rod"
+            axis.plot(*lines[loop.name].T, color=_LOOP, linewidth=1.4, label=label)
+            continue
         mark = off_centre(loop, reach)
         ends = np.array(
             [
@@ -222,11 +273,12 @@ _WORLD = "scene_world"
 """Name of the scene's root: no link of a robot is called so."""
 _THIN = 0.02
 """Thickness of the simple shapes, in robot sizes."""
-_GROUND_FACE, _PLATFORM_FACE, _BODY_FACE, _DRIVEN_FACE = (
+_GROUND_FACE, _PLATFORM_FACE, _BODY_FACE, _DRIVEN_FACE, _CABLE_FACE = (
     (110, 110, 110, 255),
     (31, 119, 180, 255),
     (70, 70, 70, 255),
     (214, 39, 40, 255),
+    (40, 40, 40, 255),
 )
 
 
@@ -246,7 +298,7 @@ def build_scene(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
     Returns
     -------
     trimesh.Scene
-        One graph node per link, of its name, lengths in metres; ``scene.export("robot.glb")`` writes it for any viewer,
+        One graph node per link, of its name, and pieces of rods and cables, lengths in metres; ``scene.export("robot.glb")`` writes it for any viewer,
         ``scene.show()`` opens one.
 
     Raises
@@ -275,6 +327,12 @@ def build_scene(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
             for k, shape in enumerate(shapes):
                 name = f"{link} shape {k + 1}"
                 scene.add_geometry(shape, node_name=name, geom_name=name, parent_node_name=link)
+    for loop, line in cable_lines(chain, link_placements(chain, q)).items():
+        for k, piece in enumerate(zip(line, line[1:], strict=False), start=1):
+            shape = trimesh.creation.cylinder(radius=mark_size(chain) / 5, segment=np.array(piece))
+            shape.visual.face_colors = _CABLE_FACE
+            name = f"{loop} piece {k}"
+            scene.add_geometry(shape, node_name=name, geom_name=name, parent_node_name=_WORLD)
     return scene
 
 
@@ -441,7 +499,7 @@ def _joint_shapes(chain: ClosedChain, q: Configuration, link: str) -> list[Any]:
     import trimesh  # noqa: PLC0415 - optional and slow
 
     joint = next((joint for joint in chain.mechanism.joints if joint.child == link), None)
-    if joint is None or not joint.has_axis:
+    if joint is None or not joint.has_axis or joint.name in _reels(chain):
         return []
     thick = mark_size(chain)
     driven = joint.name in chain.motors
