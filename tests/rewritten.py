@@ -54,6 +54,10 @@ def _physics_in_other_unit(own: JointPhysics, k: float, *, length: bool) -> Join
     )
 
 
+def _times(bound: float | tuple[float, float], factor: float) -> float | tuple[float, float]:
+    return (bound[0] * factor, bound[1] * factor) if isinstance(bound, tuple) else bound * factor
+
+
 # --- another unit of length ----------------------------------------------------------------------------------
 
 
@@ -74,8 +78,8 @@ def in_other_unit(chain: stp.ClosedChain, k: float) -> stp.ClosedChain:
             placement=place(j.placement),
             lower=j.lower * length,
             upper=j.upper * length,
-            velocity=j.velocity * length,
-            effort=j.effort * (k if j.kind is JointKind.PRISMATIC else k**2),
+            velocity=_times(j.velocity, length),
+            effort=_times(j.effort, k if j.kind is JointKind.PRISMATIC else k**2),
             physics=_physics_in_other_unit(j.physics, k, length=j.kind is JointKind.PRISMATIC),
         )
 
@@ -86,7 +90,9 @@ def in_other_unit(chain: stp.ClosedChain, k: float) -> stp.ClosedChain:
             for word, own in zip(words, p.physics, strict=False)
         )
         ends = {"placement1": place(p.placement1), "placement2": place(p.placement2)}
-        return replace(p, **ends, length=k * p.length, physics=physics)
+        ratio = p.cable.ratio * k / unit(p.cable.reel)
+        cable = replace(p.cable, ratio=ratio, radius=k * p.cable.radius)
+        return replace(p, **ends, length=k * p.length, physics=physics, cable=cable)
 
     def unit(name: str | None) -> float:
         return k if name is not None and old.joint(name).kind is JointKind.PRISMATIC else 1.0

@@ -11,7 +11,7 @@ import pinocchio as pin
 from stewart_pin.building.joints import with_physics_fields_of
 from stewart_pin.building.loading import build_chain, require_link, with_fixed_link
 from stewart_pin.errors import InputError, UnsupportedError
-from stewart_pin.model.description import Coupling, Joint, JointKind, Link, Mechanism
+from stewart_pin.model.description import Cable, Coupling, Joint, JointKind, Link, Loop, Mechanism
 from stewart_pin.model.tree import build_tree, link_frame
 from stewart_pin.model.unfolding import fixed_to
 from stewart_pin.model.validation import is_massless, validate
@@ -315,6 +315,7 @@ def lock_joints(chain: ClosedChain, joints: Sequence[str], q: ArrayLike | None =
     smaller = replace(
         mechanism,
         joints=tuple(fixed(joint) if joint.name in locked else joint for joint in mechanism.joints),
+        loops=tuple(_with_reel_locked(loop, locked, values) for loop in mechanism.loops),
         couplings=tuple(filter(None, (_with_locked(part, locked, values) for part in mechanism.couplings))),
         home={name: value for name, value in values.items() if name not in locked},
     )
@@ -347,6 +348,14 @@ def _closed(chain: ClosedChain, q: Configuration) -> Configuration:
     """Check that the loops are closed, and close them to round-off: locked joints leave no room for it later."""
     chain.at(q).require_closed()
     return close_loops(chain, q).q
+
+
+def _with_reel_locked(loop: Loop, locked: set[str], values: dict[str, Configuration]) -> Loop:
+    """Keep a cable as long as it is where its reel is locked."""
+    if loop.cable.reel not in locked:
+        return loop
+    wound = loop.cable.ratio * float(values[str(loop.cable.reel)][0])
+    return replace(loop, length=loop.length - wound, cable=Cable(radius=loop.cable.radius))
 
 
 def _fewer_others(coupling: Coupling, locked: set[str], values: dict[str, Configuration]) -> Coupling:

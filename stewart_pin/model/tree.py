@@ -159,9 +159,8 @@ def _add_joint(model: pin.Model, joint: Joint, carrier: int, placement: pin.SE3)
         return model.addJoint(carrier, kind, placement, joint.name, effort, velocity, lower, upper)
     bounds = joint.bounds
     lower[:], upper[:] = bounds.position
-    effort[:], velocity[:] = bounds.effort[1], bounds.velocity[1]
     number = model.addJoint(carrier, kind, placement, joint.name, effort, velocity, lower, upper)
-    _set_least(model, number, bounds)
+    _set_ends(model, number, bounds)
     return number
 
 
@@ -182,26 +181,24 @@ def set_limits(model: pin.Model, mechanism: Mechanism) -> pin.Model:
     """
     changed = model.copy()
     lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    effort, velocity = np.array(model.upperEffortLimit), np.array(model.upperVelocityLimit)
     own = [joint for joint in mechanism.joints if joint.has_axis]
     for joint in own:
         entry, bounds = model.joints[model.getJointId(joint.name)], joint.bounds
         lower[entry.idx_q], upper[entry.idx_q] = bounds.position
-        effort[entry.idx_v], velocity[entry.idx_v] = bounds.effort[1], bounds.velocity[1]
     changed.lowerPositionLimit, changed.upperPositionLimit = lower, upper
-    changed.upperEffortLimit, changed.upperVelocityLimit = effort, velocity
     for joint in own:
-        _set_least(changed, changed.getJointId(joint.name), joint.bounds)
+        _set_ends(changed, changed.getJointId(joint.name), joint.bounds)
     return changed
 
 
-def _set_least(model: pin.Model, number: int, bounds: Bounds) -> None:
-    """Set the lower ends of effort and velocity, which Pinocchio's `addJoint` takes for minus the upper ones."""
+def _set_ends(model: pin.Model, number: int, bounds: Bounds) -> None:
+    """Set both ends of effort and velocity: Pinocchio's `addJoint` takes the lower ones for minus the upper ones."""
     entry = model.joints[number].idx_v
-    for name, least in (("lowerEffortLimit", bounds.effort[0]), ("lowerVelocityLimit", bounds.velocity[0])):
-        values = np.array(getattr(model, name))
-        values[entry] = least
-        setattr(model, name, values)
+    for what, ends in (("EffortLimit", bounds.effort), ("VelocityLimit", bounds.velocity)):
+        for side, end in zip(("lower", "upper"), ends, strict=True):
+            values = np.array(getattr(model, side + what))
+            values[entry] = end
+            setattr(model, side + what, values)
 
 
 def _joint_model(joint: Joint) -> pin.JointModel:

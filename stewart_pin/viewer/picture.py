@@ -55,7 +55,7 @@ class Picture:
         frames = link_placements(chain, chain.q_home)
         for k, (loop, line) in enumerate(cable_lines(chain, frames).items()):
             self._cables[loop] = server.scene.add_line_segments(
-                f"{root}/cable {k}", points=_pieces(line), colors=tuple(_PLAIN), line_width=_CABLE_WIDTH
+                f"{root}/cable {k}", points=_pieces(line), colors=tuple(_PLAIN), thickness=_CABLE_WIDTH, thickness_units="screen"
             )
         self._winches = {name: self._cables[loop] for name, loop in reels.items()}
         for joint in chain.mechanism.joints:

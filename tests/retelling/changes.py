@@ -63,6 +63,7 @@ def changed(old: Mechanism, change: Change) -> tuple[Mechanism, dict[str, Told]]
             axis=own.rotation.T @ (how.sign * j.axis),
             lower=ends[0],
             upper=ends[1],
+            effort=_reversed_span(j.effort) if how.sign < 0 else j.effort,
             physics=told_otherwise(j.physics, how.sign, how.zero),
         )
 
@@ -83,7 +84,14 @@ def changed(old: Mechanism, change: Change) -> tuple[Mechanism, dict[str, Told]]
             # R becomes one⁻¹ R two, all about the axis.
             zero = float(p.axis @ (pin.log3(two.rotation) - pin.log3(one.rotation)))
             moved = replace(moved, physics=(told_otherwise(p.physics[0], zero=zero),))
-        return _swapped(moved) if change.swapped else moved
+        if p.cable.reel is not None:
+            # way + ratio q = length, and q = sign (x - zero).
+            how = change.joints.get(p.cable.reel, Told())
+            ratio = how.sign * p.cable.ratio
+            cable = replace(p.cable, ratio=ratio)
+            moved = replace(moved, length=p.length + ratio * how.zero, cable=cable)
+        # A pulley stands at one end.
+        return _swapped(moved) if change.swapped and not p.cable.radius else moved
 
     links, joints, loops = map(link, old.links), map(joint, old.joints), map(loop, old.loops)
     step = -1 if change.mirrored else 1
@@ -97,6 +105,10 @@ def changed(old: Mechanism, change: Change) -> tuple[Mechanism, dict[str, Told]]
     )
     home = {name: told[name].value(np.atleast_1d(value)) for name, value in old.home.items()}
     return replace(new, home=home), told
+
+
+def _reversed_span(bound: float | tuple[float, float]) -> float | tuple[float, float]:
+    return (-bound[1], -bound[0]) if isinstance(bound, tuple) else bound
 
 
 def _swapped(loop: Loop) -> Loop:

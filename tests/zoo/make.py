@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from stewart_pin.building.loading import urdf_root
-from tests.zoo.make_cables import CABLE_ROBOTS, write_cable_robot
 from tests.zoo.make_robots import ROBOT_MAKERS
 from tests.zoo.robot_telling import RobotTelling
 from tests.zoo.telling import Telling, X, Y, Z, about, meet, unit, xz
@@ -737,8 +736,6 @@ def main() -> None:
         told = RobotTelling(name)
         tell_robot(told)
         told.write(urdf_root())
-    for name in CABLE_ROBOTS:
-        write_cable_robot(name, urdf_root())
 
 
 if __name__ == "__main__":

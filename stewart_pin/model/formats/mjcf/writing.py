@@ -260,6 +260,12 @@ def write_mjcf_file(
     for joint in mechanism.joints:
         if joint.kind not in (*_TYPES, JointKind.FIXED, JointKind.FLOATING):
             raise unknown_kind(f"joint '{joint.name}'", joint.kind, "the writer of MJCF")
+    for loop in mechanism.loops:
+        if loop.kind is JointKind.CABLE:
+            raise UnsupportedError(
+                f"loop '{loop.name}' is a cable; MuJoCo has spatial tendons, whose length is no joint and drives none: "
+                "write it as URDF+"
+            )
     writer = _MjcfWriter(mechanism, motors, path.resolve().parent)
     root = writer.write(np.asarray(gravity, dtype=float))
     write_files({path: root})

@@ -1,18 +1,19 @@
-"""Write the bundled cable robots, frames of bars and a box on cables: ``python -m tests.zoo.make``. Metres, kilograms."""
+"""Cable robots for tests: boxes on cables in frames of bars, and mechanisms whose pulleys move. Metres, kilograms."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 import stewart_pin as stp
-from stewart_pin.building.exporting import write_urdf
+from stewart_pin.building.loading import build_chain
+from stewart_pin.model.description import Cable, JointKind, Loop
 from stewart_pin.model.loop_rows import orthonormal_triad
 from stewart_pin.model.shapes import Material, Shape, ShapeKind
+from stewart_pin.state.cable_paths import cable_paths
 
 STEEL, GREEN = Material(rgba=(0.55, 0.57, 0.6, 1.0)), Material(rgba=(0.17, 0.55, 0.24, 1.0))
 
@@ -68,12 +69,33 @@ def cables_4() -> stp.ClosedChain:
     return _dressed(chain, [_bar(corners[k - 1], corners[k], 0.02) for k in range(4)], size)
 
 
-CABLE_ROBOTS: dict[str, Callable[[], stp.ClosedChain]] = {"cables_4": cables_4, "cables_8": cables_8}
+def pulleys_that_move() -> stp.ClosedChain:
+    """The eight cables with their pulleys and drums on the box, at an angle, and the drums turning."""
+    plain = cables_8().described()
+    tilted = np.array([0.6, 0.0, 0.8])
+    joints = tuple(
+        replace(joint, kind=JointKind.REVOLUTE, parent="platform", lower=-np.inf, upper=np.inf)
+        if joint.independent
+        else joint
+        for joint in plain.joints
+    )
+
+    def turned_round(loop: Loop) -> Loop:
+        cable = Cable(loop.cable.reel, 0.04, 0.03)
+        apart = plain_home.actInv(np.array(loop.placement1.translation)) - loop.placement2.translation
+        length = cable_paths(apart[None], tilted[None], np.array([0.03])).length[0]
+        return replace(
+            loop, link1="platform", link2="base", placement1=loop.placement2, placement2=loop.placement1,
+            axis=tilted, length=float(length), cable=cable,
+        )  # fmt: skip
+
+    plain_home = pin.XYZQUATToSE3(plain.home["platform_pose"])
+    loops = tuple(turned_round(loop) for loop in plain.loops)
+    return build_chain(replace(plain, name="pulleys_that_move", joints=joints, loops=loops))
 
 
-def write_cable_robot(name: str, folder: Path) -> Path:
-    """Write one as a robot's file in its folder."""
-    path = folder / name / f"{name}.urdf"
-    path.parent.mkdir(exist_ok=True)
-    write_urdf(CABLE_ROBOTS[name](), path)
-    return path
+CABLE_ROBOTS: dict[str, Callable[[], stp.ClosedChain]] = {
+    "cables_4": cables_4,
+    "cables_8": cables_8,
+    "pulleys_that_move": pulleys_that_move,
+}

@@ -1,0 +1,274 @@
+"""Cables as loops: their way over pulleys, every formulation, files, locked reels, another unit, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import stewart_pin as stp
+from stewart_pin.building.loading import build_chain
+from stewart_pin.mechanics.articulated_body.loops import closed_chain_articulated_body
+from stewart_pin.model.description import Cable
+from stewart_pin.state.cable_paths import cable_paths
+from stewart_pin.state.row_derivatives import row_derivatives
+from tests.cable_robots import CABLE_ROBOTS, cables_4, cables_8
+from tests.retelling.changes import CHANGES, changed
+from tests.rewritten import configuration_in_other_unit, effort_unit, in_other_unit, rebuild, tangent_unit
+
+each = pytest.mark.parametrize("name", list(CABLE_ROBOTS))
+STEP = 1e-6
+UNDER = pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3))
+
+
+def _state(chain: stp.ClosedChain, rng: np.random.Generator) -> stp.State:
+    """A closed state off home that moves and accelerates."""
+    step = 0.1 * rng.standard_normal(chain.nv) * chain.platform_support
+    q = stp.close_loops(chain, pin.integrate(chain.model, chain.q_home, step)).q
+    J_c = chain.at(q).J_c
+    G = np.linalg.svd(J_c)[2][np.linalg.matrix_rank(J_c) :].T
+    v = G @ rng.standard_normal(G.shape[1])
+    still = chain.at(q, v)
+    a = G @ rng.standard_normal(G.shape[1]) - np.linalg.lstsq(still.J_c, still.loop_bias, rcond=None)[0]
+    return chain.at(q, v, a)
+
+
+# --- the way over a pulley --------------------------------------------------------------------------------
+
+
+def test_a_cable_that_hangs_straight_down_runs_half_around_its_pulley() -> None:
+    path = cable_paths(np.array([[0.2, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]]), np.array([0.1]))
+    assert path.length[0] == pytest.approx(0.1 * np.pi + 1.0, abs=1e-15)
+    assert np.abs(path.along[0] - [0, 0, -1]).max() < 1e-15
+
+
+def test_a_level_cable_runs_a_quarter_around_and_without_radius_it_is_a_line() -> None:
+    ends, axes = np.array([[1.1, 0.0, 0.1], [0.3, -0.4, 1.2]]), np.array([[0, 0, 1.0], [0, 0, 1.0]])
+    path = cable_paths(ends, axes, np.array([0.1, 0.0]))
+    assert path.length == pytest.approx([0.05 * np.pi + 1.0, 1.3], abs=1e-15)
+    assert np.abs(path.along - [[1, 0, 0], ends[1] / 1.3]).max() < 1e-15
+
+
+@pytest.mark.parametrize("least", [0.0, 0.02], ids=["points", "pulleys"])
+def test_ways_directions_and_curvatures_are_those_of_differences(
+    rng: np.random.Generator, least: float
+) -> None:
+    count = 200
+    axes = rng.standard_normal((count, 3))
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    radii, ends = least * rng.uniform(1, 10, count), 2 * rng.standard_normal((count, 3))
+    one, two = rng.standard_normal((2, count, 3))
+    path = cable_paths(ends, axes, radii)
+    away = np.flatnonzero((path.free > 0.5) & (path.distance > 0.3))
+    assert len(away) > 100
+    there, back = (cable_paths(ends + sign * STEP * one, axes, radii) for sign in (1, -1))
+    found = (
+        (there.length - back.length, (path.along * one).sum(1)),
+        (there.along - back.along, path.turned(one)),
+        ((two * (there.turned(two) - back.turned(two))).sum(1), path.bent(two, one)),
+    )
+    for difference, derivative in found:
+        # Central differences of numbers of order one to ten: 1e-16 / 1e-6, and squares of the step.
+        assert np.abs(difference / (2 * STEP) - derivative)[away].max() < 3e-8
+
+
+# --- rows and formulations --------------------------------------------------------------------------------
+
+
+@each
+def test_rows_are_those_of_differences(name: str, rng: np.random.Generator) -> None:
+    chain = CABLE_ROBOTS[name]()
+    state = _state(chain, rng)
+
+    def moved(dq: np.ndarray, dv: np.ndarray | float = 0.0) -> stp.State:
+        return chain.at(pin.integrate(chain.model, state.q, dq), state.v + dv, state.a)
+
+    derivatives = row_derivatives(chain, state.q, state.v, state.a)
+    worst = 0.0
+    for k in range(chain.nv):
+        step = STEP * np.eye(chain.nv)[k]
+        there, back = moved(step), moved(-step)
+        rows = (there.gap - back.gap, state.J_c[:, k])
+        rates = (there.J_c @ state.v - back.J_c @ state.v, derivatives.rate_q[:, k])
+
+        def second(at: stp.State) -> np.ndarray:
+            return at.J_c @ state.a + at.loop_bias
+
+        by_q = (second(there) - second(back), derivatives.acceleration_q[:, k])
+        faster, slower = moved(np.zeros(chain.nv), step), moved(np.zeros(chain.nv), -step)
+        by_v = (faster.loop_bias - slower.loop_bias, derivatives.acceleration_v[:, k])
+        for difference, derivative in (rows, rates, by_q, by_v):
+            worst = max(worst, float(np.abs(difference / (2 * STEP) - derivative).max()))
+    assert worst < 2e-7  # of accelerations up to some 10 m/s² per metre
+
+
+@each
+def test_every_formulation_agrees(name: str, rng: np.random.Generator) -> None:
+    chain = CABLE_ROBOTS[name]()
+    kernels = stp.compile_kernels(chain, coordinates="tree")
+    for _ in range(3):
+        state = _state(chain, rng)
+        effort = stp.inverse_dynamics(state)
+        scale = np.abs(effort.tau_motor).max()
+        other = stp.inverse_dynamics(state, method="constraint_matrix")
+        assert np.abs(effort.tau_motor - other.tau_motor).max() < 1e-11 * scale
+        assert np.abs(effort.lambda_c - other.lambda_c).max() < 1e-10 * np.abs(effort.lambda_c).max()
+        by_kernels = kernels.inverse_dynamics(state.q[None], state.v[None], state.a[None])[0]
+        assert np.abs(effort.tau_motor - by_kernels).max() < 1e-10 * scale
+        size = np.abs(state.a).max()
+        assert np.abs(stp.forward_dynamics(chain, state.q, state.v, effort.tau_motor).a - state.a).max() < 1e-9 * size
+        articulated = closed_chain_articulated_body(chain, state.q, state.v, effort.tau_motor)
+        assert np.abs(articulated.a - state.a).max() < 1e-9 * size
+
+
+def test_tension_is_the_effort_of_the_reel_and_two_cables_hold_a_weight() -> None:
+    """A point on two cables at 30° below the horizontal: each bears the weight, as 2 T sin 30° = m g."""
+    reach = 2.0
+    exits = [(-reach * np.cos(np.pi / 6), 0.0), (reach * np.cos(np.pi / 6), 0.0)]
+    chain = stp.cables.cable_robot(
+        exits, [(0, 0), (0, 0)], platform=UNDER, home=[0, -reach * np.sin(np.pi / 6), 0]
+    )
+    effort = stp.inverse_dynamics(chain, chain.q_home, chain.rest, chain.rest, throw=False)
+    assert effort.tau_motor == pytest.approx([2.0 * 9.81, 2.0 * 9.81], rel=1e-9)
+    assert stp.cables.cable_lengths(chain, chain.q_home) == pytest.approx([reach, reach], abs=1e-14)
+
+
+def test_limits_are_tensions_and_what_is_wound_in_is_the_motors_position() -> None:
+    chain = cables_4()
+    home = stp.cables.cable_lengths(chain, chain.q_home)
+    pose = pin.SE3(np.eye(3), np.array([1.2, 0.0, 0.9]))
+    state = stp.inverse_kinematics(chain, pose).state
+    wound = stp.motor_positions(state)
+    assert np.abs(home - wound - stp.cables.cable_lengths(state)).max() < 1e-12
+    held = stp.inverse_dynamics(
+        state.chain, state.q, chain.rest, chain.rest, effort_limit=chain.limits
+    ).tau_motor
+    assert held.min() >= 10.0 - 1e-9
+    assert stp.limits_exceeded(chain.at(state.q), tau_motor=-held)
+
+
+# --- told otherwise ---------------------------------------------------------------------------------------
+
+
+@each
+@pytest.mark.parametrize("change", [c for c in CHANGES if c != "loop frames turned"])
+def test_told_otherwise_it_needs_the_same_efforts(name: str, change: str, rng: np.random.Generator) -> None:
+    chain = CABLE_ROBOTS[name]()
+    state = _state(chain, rng)
+    mechanism, told = changed(chain.described(), CHANGES[change](chain))
+    other = rebuild(chain, mechanism, _gravity(chain, change))
+    q = np.zeros(chain.nq)
+    v, a = np.zeros(chain.nv), np.zeros(chain.nv)
+    sign = np.array([told[motor].sign for motor in chain.motors])
+    for joint in chain.mechanism.joints:
+        if chain.model.existJointName(joint.name):
+            here, there = (c.model.joints[c.model.getJointId(joint.name)] for c in (chain, other))
+            span, new = slice(here.idx_q, here.idx_q + here.nq), slice(there.idx_q, there.idx_q + there.nq)
+            q[new] = told[joint.name].value(state.q[span])
+            rates = told[joint.name].rates(here.nv)
+            for old, made in ((state.v, v), (state.a, a)):
+                made[there.idx_v : there.idx_v + there.nv] = (
+                    rates @ old[here.idx_v : here.idx_v + here.nv]
+                )
+    efforts = stp.inverse_dynamics(other, q, v, a).tau_motor
+    plain = stp.inverse_dynamics(state).tau_motor
+    assert np.abs(sign * efforts - plain).max() < 1e-9 * np.abs(plain).max()
+
+
+def _gravity(chain: stp.ClosedChain, change: str) -> np.ndarray:
+    root = CHANGES[change](chain).links.get(chain.mechanism.root, pin.SE3.Identity())
+    return root.rotation.T @ np.array(chain.gravity)
+
+
+@each
+def test_the_unit_of_length_changes_nothing(name: str, rng: np.random.Generator) -> None:
+    chain, k = CABLE_ROBOTS[name](), 1e3
+    state, other = _state(chain, rng), in_other_unit(chain, k)
+    unit = tangent_unit(chain, k)
+    q = configuration_in_other_unit(chain, state.q, k)
+    efforts = stp.inverse_dynamics(other, q, unit * state.v, unit * state.a).tau_motor
+    plain = stp.inverse_dynamics(state).tau_motor * effort_unit(chain, k)
+    # Least of those that do it, in robot sizes where drums turn.
+    assert np.abs(efforts - plain).max() < 1e-9 * np.abs(plain).max()
+
+
+@each
+def test_a_file_brings_it_back(name: str, tmp_path: Path) -> None:
+    chain = CABLE_ROBOTS[name]()
+    stp.write_urdf(chain, tmp_path / "robot.urdf")
+    again = stp.load(tmp_path / "robot.urdf")
+    assert np.abs(again.q_home - chain.q_home).max() < 1e-12
+    for old, new in zip(chain.loops, again.loops, strict=True):
+        assert new.cable == old.cable and new.length == old.length
+        assert np.abs(new.axis - old.axis).max() < 1e-15 or not old.cable.radius
+    assert again.limits.effort == pytest.approx(chain.limits.effort, nan_ok=True)
+
+
+@pytest.mark.parametrize("dialect", ["mjcf", "sdf", "usd", "drake", "isaac", "gepetto"])
+def test_formats_without_a_word_for_cables_say_so(dialect: str, tmp_path: Path) -> None:
+    suffix = {"mjcf": "xml", "sdf": "sdf", "usd": "usda"}.get(dialect, "urdf")
+    with pytest.raises(stp.errors.UnsupportedError, match=r"cable1.*cable"):
+        stp.export(cables_8(), tmp_path / f"robot.{suffix}", format=dialect)
+
+
+def test_a_locked_reel_leaves_a_cable_that_keeps_its_length(rng: np.random.Generator) -> None:
+    chain = cables_8()
+    state = _state(chain, rng)
+    stiff = stp.lock_joints(chain, ["winch3"], q=state.q)
+    assert stiff.loops[2].cable == Cable(radius=0.05)
+    lengths = stp.cables.cable_lengths(state)
+    assert stp.cables.cable_lengths(stiff, stiff.q_home) == pytest.approx(lengths, abs=1e-12)
+    assert stp.mobility(stiff).dof == 5
+
+
+# --- refusals ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("cable", "message"),
+    [
+        (Cable("winch9"), r"cable 'cable1' is wound in by joint 'winch9', which is not there.*winch1"),
+        (Cable("platform_pose"), "'platform_pose', which is floating"),
+        (Cable("winch1", 0.0), "ratio 0 to its reel"),
+        (Cable("winch1", 1.0, -0.1), "radius -0.1 m"),
+    ],
+)
+def test_descriptions_of_no_cable_are_refused(cable: Cable, message: str) -> None:
+    plain = cables_8().described()
+    first, *others = plain.loops
+    with pytest.raises(stp.errors.MechanismError, match=message):
+        build_chain(replace(plain, loops=(replace(first, cable=cable), *others)))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"exits": [(0, 0)]}, "as many points"),
+        ({"pulleys": -0.1}, "pulleys must be"),
+        ({"pulleys": [0.1, 0.2]}, "pulleys must be"),
+        ({"swivels": (0, 0, 0)}, "length zero"),
+        ({"tension": (-1, 5)}, "tension must be"),
+        ({"lengths": (2, 1)}, "lengths must be"),
+        ({"drum": -1.0}, "drum must be"),
+        ({"home": [0, 0, 0]}, "cable 1 has no direction at home"),
+        ({"platform": 3.0}, "platform must be a pinocchio.Inertia"),
+    ],
+)
+def test_wrong_arguments_of_a_cable_robot_are_named(options: dict, message: str) -> None:
+    wanted = {
+        "exits": [(0, 0), (3, 0), (3, 2), (0, 2)], "attachments": [(0, 0)] * 4, "platform": UNDER,
+        "home": [1.5, 1, 0],
+    } | options  # fmt: skip
+    with pytest.raises(stp.errors.InputError, match=message):
+        stp.cables.cable_robot(wanted.pop("exits"), wanted.pop("attachments"), **wanted)
+
+
+def test_an_end_within_the_pulley_has_no_direction() -> None:
+    chain = cables_8()
+    q = chain.q_home.copy()
+    q[:3] = np.array([-2.0, -1.5, 0.2]) - np.array(chain.loops[0].placement2.translation) + [0.05, 0, 0]
+    with pytest.raises(stp.errors.SingularityError, match="cable1.*pulley"):
+        _ = chain.at(q, np.ones(chain.nv)).loop_bias
