@@ -29,7 +29,7 @@ def cable_robot(
     platform: pin.Inertia,
     home: pin.SE3 | ArrayLike,
     pulleys: ArrayLike = 0.0,
-    swivels: ArrayLike = _Z,
+    swivels: ArrayLike = (0.0, 0.0, 1.0),
     tension: tuple[float, float] = (0.0, inf),
     lengths: tuple[float, float] = (0.0, inf),
     speed: float = inf,

@@ -36,9 +36,9 @@ class CablePaths(NamedTuple):
     along
         (n, 3) unit vectors of the free cables, to the far end.
     outward
-        (n, 3) unit normals where they leave the pulley.
+        (n, 3) normals where they leave the pulley, unit vectors.
     across
-        (n, 3) unit normals of the planes of the pulleys.
+        (n, 3) normals of the planes of the pulleys, unit vectors.
     radial
         (n, 3) unit vectors from the swivel axes to the far ends.
     distance

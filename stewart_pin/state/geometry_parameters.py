@@ -86,7 +86,7 @@ def geometry_parameters(chain: ClosedChain) -> tuple[GeometryParameter, ...]:
     -------
     tuple of GeometryParameter
         Of each joint that is neither fixed nor floating three shifts and three turns, then of each loop those of frames
-        1 and 2, and the length of its rod where it keeps a distance; in the order of the description.
+        1 and 2, and the length of a rod or a cable; in the order of the description.
 
     Examples
     --------
@@ -102,7 +102,7 @@ def geometry_parameters(chain: ClosedChain) -> tuple[GeometryParameter, ...]:
     ]
     for loop in chain.loops:
         places += [(loop.name, Attachment.FRAME1, loop.link1), (loop.name, Attachment.FRAME2, loop.link2)]
-        if loop.kind is JointKind.DISTANCE:
+        if loop.kind in (JointKind.DISTANCE, JointKind.CABLE):
             places.append((loop.name, Attachment.ROD, loop.link1))
     parameters: list[GeometryParameter] = []
     for owner, attachment, link in places:

@@ -69,7 +69,7 @@ def close(mine: Mechanism, theirs: Mechanism) -> None:
 
 def exact(format: str, name: str) -> bool:
     return format == "urdf+" or (
-        format == "sdf" and name not in ("cylindrical", "planar", "point_on_line", "distance")
+        format == "sdf" and name not in ("cylindrical", "planar", "point_on_line", "distance", "cable")
     )
 
 

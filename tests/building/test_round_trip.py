@@ -137,7 +137,7 @@ def mechanism_with(kind: JointKind, rng: np.random.Generator) -> Mechanism:
         # Turn about the common normal until the axes are a quarter turn apart.
         short = np.pi / 2 - np.arccos(axis @ axis2)
         relative = pin.SE3(pin.exp3(short * across), np.zeros(3))
-    if kind is JointKind.DISTANCE:
+    if kind in (JointKind.DISTANCE, JointKind.CABLE):
         length = 0.7
         relative = pin.SE3(np.eye(3), np.array([0, 0, length]))
     pose1 = random_placement(rng)

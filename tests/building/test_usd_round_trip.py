@@ -75,7 +75,7 @@ def assert_exact(chain: stp.ClosedChain, again: stp.ClosedChain) -> None:
     np.testing.assert_allclose(again.q_home, chain.q_home, rtol=0, atol=1e-14)
 
 
-@pytest.mark.parametrize("kind", LOOP_KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in LOOP_KINDS if kind is not JointKind.CABLE])
 def test_every_kind_of_loop_is_read_back_exactly(
     kind: JointKind, rng: np.random.Generator, tmp_path: Path
 ) -> None:

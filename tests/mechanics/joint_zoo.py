@@ -71,7 +71,7 @@ def allowed_motion(loop_kind: JointKind, axis, axis2, length: float, rng: np.ran
             return pin.SE3(about, slide * sideways)
         case JointKind.POINT_ON_LINE:
             return pin.SE3(anywhere, slide * axis)
-        case JointKind.DISTANCE:
+        case JointKind.DISTANCE | JointKind.CABLE:
             return pin.SE3(anywhere, length * _unit(rng))
     raise ValueError(loop_kind)
 

@@ -21,6 +21,7 @@ ROWS = {
     JointKind.PLANAR: 3,
     JointKind.POINT_ON_LINE: 2,
     JointKind.DISTANCE: 1,
+    JointKind.CABLE: 1,
 }
 LENGTH = 0.7
 TURNS = (JointKind.REVOLUTE, JointKind.CYLINDRICAL, JointKind.PLANAR)
@@ -68,6 +69,7 @@ def allowed_motion(loop: Loop, rng: np.random.Generator) -> tuple[np.ndarray, np
         JointKind.PLANAR: (about, y * b + z * c),
         JointKind.POINT_ON_LINE: (any_turn, x * a),
         JointKind.DISTANCE: (any_turn, LENGTH * direction / np.linalg.norm(direction)),
+        JointKind.CABLE: (any_turn, LENGTH * direction / np.linalg.norm(direction)),
     }[loop.kind]
 
 

@@ -25,6 +25,7 @@ ROWS = {
     "planar": 3,
     "point_on_line": 2,
     "distance": 1,
+    "cable": 1,
 }
 
 
