@@ -45,7 +45,10 @@ def _dressed(chain: stp.ClosedChain, bars: Sequence[Shape], size: Sequence[float
 def cables_8() -> stp.ClosedChain:
     """Eight cables over pulleys from the corners of a frame; those from above hold the box on its far side."""
     exits = np.array([(x, y, z) for z in (0.2, 2.6) for x in (-2.0, 2.0) for y in (-1.5, 1.5)])
-    ends = [(np.sign(x) * (0.25 if z < 1 else -0.25), np.sign(y) * 0.18, 0.15 if z < 1 else -0.15) for x, y, z in exits]
+    ends = [
+        (np.sign(x) * (0.25 if z < 1 else -0.25), np.sign(y) * 0.18, 0.15 if z < 1 else -0.15)
+        for x, y, z in exits
+    ]
     size = (0.5, 0.36, 0.3)
     chain = stp.cables.cable_robot(
         exits, ends, platform=_box(12.0, size), home=[0, 0, 1.3, 0, 0, 0, 1], pulleys=0.05,
@@ -70,7 +73,7 @@ def cables_4() -> stp.ClosedChain:
 
 
 def pulleys_that_move() -> stp.ClosedChain:
-    """The eight cables with their pulleys and drums on the box, at an angle, and the drums turning."""
+    """Put the eight cables, with their pulleys and drums, on the box, at an angle; drums turn."""
     plain = cables_8().described()
     tilted = np.array([0.6, 0.0, 0.8])
     joints = tuple(

@@ -132,9 +132,7 @@ def cable_robot(
     return build_chain(mechanism, gravity=gravity)
 
 
-def cable_lengths(
-    chain: ClosedChain | State, q: ArrayLike | None = None
-) -> FloatArray:
+def cable_lengths(chain: ClosedChain | State, q: ArrayLike | None = None) -> FloatArray:
     """Measure the cables from their exits over the pulleys to their ends.
 
     Parameters
@@ -159,7 +157,9 @@ def cable_lengths(
     table = state.chain.loop_table
     cables = [k for k, loop in enumerate(state.chain.loops) if loop.kind is JointKind.CABLE]
     if not cables:
-        raise UnsupportedError(f"{state.chain.name} has no cables; stewart_pin.cables.cable_robot builds some")
+        raise UnsupportedError(
+            f"{state.chain.name} has no cables; stewart_pin.cables.cable_robot builds some"
+        )
     return state.loops.reach[[list(table.rod.loop).index(k) for k in cables]]
 
 
@@ -197,7 +197,9 @@ def _directions(swivels: ArrayLike, count: int) -> FloatArray:
         raise InputError(f"swivels must be one direction (3,) or ({count}, 3), got shape {given.shape}")
     sizes = np.linalg.norm(given, axis=-1, keepdims=True)
     if not sizes.all():
-        raise InputError("swivels hold a direction of length zero; give the way in which the cable comes to its exit")
+        raise InputError(
+            "swivels hold a direction of length zero; give the way in which the cable comes to its exit"
+        )
     return np.broadcast_to(given / sizes, (count, 3))
 
 
@@ -215,10 +217,13 @@ def _home(home: pin.SE3 | ArrayLike, planar: bool) -> tuple[pin.SE3, dict[str, F
         pose = as_pose("home", home)
         return pose, {"platform_pose": pin.SE3ToXYZQUAT(pose)}
     if isinstance(home, pin.SE3):
-        rotation, point = np.array(home.rotation), np.array(home.translation)
+        pose = as_pose("home", home)
+        rotation, point = np.array(pose.rotation), np.array(pose.translation)
         turn = float(np.arctan2(rotation[2, 0], rotation[0, 0]))
         if not np.allclose(rotation, pin.exp3(-_Y * turn), atol=1e-9) or abs(point[1]) > 1e-9:
-            raise InputError("home leaves the plane y = 0 of a planar robot; give x, z and the turn from x to z")
+            raise InputError(
+                "home leaves the plane y = 0 of a planar robot; give x, z and the turn from x to z"
+            )
         x, z = float(point[0]), float(point[2])
     else:
         x, z, turn = (float(value) for value in as_array("home", home, (3,)))

@@ -66,7 +66,8 @@ def export(
         - ``"mjcf"``: for MuJoCo, whose loops are soft constraints: mass matrix and bias of its tree are exact, its
           accelerations are not.
         - ``"usd"``: OpenUSD in text, for Isaac Sim and Newton (extra ``usd``); all loops but cables,
-          all couplings, and in words of our own all that a chain can hold, read back the same. Others see frames and masses in single precision.
+          all couplings, and in words of our own all that a chain can hold, read back the same. Others see frames and
+          masses in single precision.
 
         The other dialects of URDF and SDFormat write couplings as ``<mimic>``, which has to be linear. Limits of joints
         that close loops stand in the first, in SDFormat and OpenUSD, those of balls there and, of the angle, in MJCF.

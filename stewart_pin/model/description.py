@@ -274,6 +274,10 @@ class Cable:
     radius: float = 0.0
 
 
+NO_CABLE = Cable()
+"""Of loops that are none."""
+
+
 @dataclass(frozen=True, eq=False)
 class Loop:
     """A joint that closes a loop: a frame on link 1 and a frame on link 2 that move as the kind allows.
@@ -315,7 +319,7 @@ class Loop:
     length: float = 0.0
     bounds: tuple[Bounds, ...] = ()
     physics: tuple[JointPhysics, ...] = ()
-    cable: Cable = Cable()
+    cable: Cable = NO_CABLE
 
 
 @dataclass(frozen=True, eq=False)

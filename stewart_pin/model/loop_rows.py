@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stewart_pin.errors import SingularityError
-from stewart_pin.model.description import Cable, JointKind, Loop, unknown_kind
+from stewart_pin.model.description import NO_CABLE, Cable, JointKind, Loop, unknown_kind
 from stewart_pin.typing import FloatArray
 
 
@@ -64,7 +64,7 @@ class LengthRow:
 
     length: float
     axis: FloatArray
-    cable: Cable = Cable()
+    cable: Cable = NO_CABLE
 
 
 Row = NormalRow | AngleRow | LengthRow
@@ -82,7 +82,8 @@ def closure_rows(loop: Loop) -> tuple[Row, ...]:
     -------
     tuple
         Rows: 3 for a spherical closure, 5 revolute, 4 universal, 4 cylindrical, 5 prismatic, 3 planar,
-        2 point on line, 1 distance or cable, 6 fixed. Angle rows are the small-angle rotation about `a`, `b`, `c` in order.
+        2 point on line, 1 distance or cable, 6 fixed. Angle rows are the small-angle rotation about `a`, `b`, `c` in
+        order.
     """
     a, b, c = orthonormal_triad(loop.axis)
     # u1 · R u2 with R ≈ 1 + [φ]×:  (c, b) gives φ·a,  (-c, a) gives φ·b,  (b, a) gives φ·c. The last two share u2 = a,

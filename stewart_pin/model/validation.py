@@ -283,7 +283,9 @@ class _Validator:
             # A rod as short as round-off has no direction, and two points on one place are a ball.
             if loop.kind == "cable":
                 self._cable(loop)
-            if loop.kind in ("distance", "cable") and not loop.length > _ROUND_OFF * np.sqrt(self.round_off / _TURNED):
+            if loop.kind in ("distance", "cable") and not loop.length > _ROUND_OFF * np.sqrt(
+                self.round_off / _TURNED
+            ):
                 raise self._error(
                     loop.name,
                     f"loop '{loop.name}' keeps the distance {loop.length:g} m; give a <length value> above zero, or a "
@@ -294,7 +296,8 @@ class _Validator:
         cable, owner = loop.cable, f"cable '{loop.name}'"
         if not 0 <= cable.radius < inf:
             raise self._error(
-                loop.name, f"{owner} has a pulley of radius {cable.radius:g} m; it must be finite, and not below zero"
+                loop.name,
+                f"{owner} has a pulley of radius {cable.radius:g} m; it must be finite, and not below zero",
             )
         if cable.reel is None:
             return
@@ -309,7 +312,8 @@ class _Validator:
             able = ", ".join(joint.name for joint in self.mechanism.joints if joint.has_axis) or "none"
             raise self._error(
                 loop.name,
-                f"{owner} is wound in by joint '{cable.reel}', which {what}; name a revolute or prismatic joint: {able}",
+                f"{owner} is wound in by joint '{cable.reel}', which {what}; name a revolute or prismatic joint: "
+                f"{able}",
             )
 
     def _couplings(self) -> None:

@@ -175,7 +175,10 @@ class RelativeMotion:
         e, turned = way.along[0], way.turned(rate[None])[0]
         return (
             e @ rate_q + turned @ t_q,
-            e @ by_q + way.turned(acceleration[None])[0] @ t_q + 2 * turned @ rate_q + way.bent(rate[None], t_q.T),
+            e @ by_q
+            + way.turned(acceleration[None])[0] @ t_q
+            + 2 * turned @ rate_q
+            + way.bent(rate[None], t_q.T),
             e @ by_v + 2 * turned @ t_q,
         )
 

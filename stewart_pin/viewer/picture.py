@@ -55,7 +55,11 @@ class Picture:
         frames = link_placements(chain, chain.q_home)
         for k, (loop, line) in enumerate(cable_lines(chain, frames).items()):
             self._cables[loop] = server.scene.add_line_segments(
-                f"{root}/cable {k}", points=_pieces(line), colors=tuple(_PLAIN), thickness=_CABLE_WIDTH, thickness_units="screen"
+                f"{root}/cable {k}",
+                points=_pieces(line),
+                colors=tuple(_PLAIN),
+                thickness=_CABLE_WIDTH,
+                thickness_units="screen",
             )
         self._winches = {name: self._cables[loop] for name, loop in reels.items()}
         for joint in chain.mechanism.joints:
@@ -106,7 +110,9 @@ class Picture:
         pin.framesForwardKinematics(self.chain.model, self._data, state.q)
         for link, handle in self._links.items():
             _place(handle, self._data.oMf[link_frame(self.chain.model, link)])
-        placed = {link.name: self._data.oMf[link_frame(self.chain.model, link.name)] for link in self._bodies()}
+        placed = {
+            link.name: self._data.oMf[link_frame(self.chain.model, link.name)] for link in self._bodies()
+        }
         for loop, line in cable_lines(self.chain, placed).items():
             self._cables[loop].points = _pieces(line)
         if readings.pose is not None:

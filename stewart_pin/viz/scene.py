@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import io
 import logging
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -298,8 +299,8 @@ def build_scene(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
     Returns
     -------
     trimesh.Scene
-        One graph node per link, of its name, and pieces of rods and cables, lengths in metres; ``scene.export("robot.glb")`` writes it for any viewer,
-        ``scene.show()`` opens one.
+        One graph node per link, of its name, and pieces of rods and cables, lengths in metres;
+        ``scene.export("robot.glb")`` writes it for any viewer, ``scene.show()`` opens one.
 
     Raises
     ------
@@ -328,8 +329,8 @@ def build_scene(chain: ClosedChain, q: ArrayLike | None = None) -> Any:
                 name = f"{link} shape {k + 1}"
                 scene.add_geometry(shape, node_name=name, geom_name=name, parent_node_name=link)
     for loop, line in cable_lines(chain, link_placements(chain, q)).items():
-        for k, piece in enumerate(zip(line, line[1:], strict=False), start=1):
-            shape = trimesh.creation.cylinder(radius=mark_size(chain) / 5, segment=np.array(piece))
+        for k, piece in enumerate(pairwise(line), start=1):
+            shape: Any = trimesh.creation.cylinder(radius=mark_size(chain) / 5, segment=np.array(piece))
             shape.visual.face_colors = _CABLE_FACE
             name = f"{loop} piece {k}"
             scene.add_geometry(shape, node_name=name, geom_name=name, parent_node_name=_WORLD)

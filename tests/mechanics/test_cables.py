@@ -25,7 +25,7 @@ UNDER = pin.Inertia(2.0, np.zeros(3), 0.01 * np.eye(3))
 
 
 def _state(chain: stp.ClosedChain, rng: np.random.Generator) -> stp.State:
-    """A closed state off home that moves and accelerates."""
+    """Draw a closed state off home that moves and accelerates."""
     step = 0.1 * rng.standard_normal(chain.nv) * chain.platform_support
     q = stp.close_loops(chain, pin.integrate(chain.model, chain.q_home, step)).q
     J_c = chain.at(q).J_c
@@ -119,7 +119,10 @@ def test_every_formulation_agrees(name: str, rng: np.random.Generator) -> None:
         by_kernels = kernels.inverse_dynamics(state.q[None], state.v[None], state.a[None])[0]
         assert np.abs(effort.tau_motor - by_kernels).max() < 1e-10 * scale
         size = np.abs(state.a).max()
-        assert np.abs(stp.forward_dynamics(chain, state.q, state.v, effort.tau_motor).a - state.a).max() < 1e-9 * size
+        assert (
+            np.abs(stp.forward_dynamics(chain, state.q, state.v, effort.tau_motor).a - state.a).max()
+            < 1e-9 * size
+        )
         articulated = closed_chain_articulated_body(chain, state.q, state.v, effort.tau_motor)
         assert np.abs(articulated.a - state.a).max() < 1e-9 * size
 
@@ -170,9 +173,7 @@ def test_told_otherwise_it_needs_the_same_efforts(name: str, change: str, rng: n
             q[new] = told[joint.name].value(state.q[span])
             rates = told[joint.name].rates(here.nv)
             for old, made in ((state.v, v), (state.a, a)):
-                made[there.idx_v : there.idx_v + there.nv] = (
-                    rates @ old[here.idx_v : here.idx_v + here.nv]
-                )
+                made[there.idx_v : there.idx_v + there.nv] = rates @ old[here.idx_v : here.idx_v + here.nv]
     efforts = stp.inverse_dynamics(other, q, v, a).tau_motor
     plain = stp.inverse_dynamics(state).tau_motor
     assert np.abs(sign * efforts - plain).max() < 1e-9 * np.abs(plain).max()
@@ -270,5 +271,5 @@ def test_an_end_within_the_pulley_has_no_direction() -> None:
     chain = cables_8()
     q = chain.q_home.copy()
     q[:3] = np.array([-2.0, -1.5, 0.2]) - np.array(chain.loops[0].placement2.translation) + [0.05, 0, 0]
-    with pytest.raises(stp.errors.SingularityError, match="cable1.*pulley"):
+    with pytest.raises(stp.errors.SingularityError, match=r"cable1.*pulley"):
         _ = chain.at(q, np.ones(chain.nv)).loop_bias

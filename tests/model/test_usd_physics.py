@@ -55,7 +55,9 @@ def told(mechanism: Mechanism) -> Mapping[str, object]:
     return each | {loop.name: loop.physics for loop in mechanism.loops}
 
 
-@pytest.mark.parametrize("name", ["stewart", "five_bar", *(each for each in KINDS if each not in ("gear_train", "cable"))])
+@pytest.mark.parametrize(
+    "name", ["stewart", "five_bar", *(each for each in KINDS if each not in ("gear_train", "cable"))]
+)
 def test_everything_comes_back(name: str, rng: np.random.Generator, tmp_path: Path) -> None:
     chain = build_chain(drawn(robot(name).described(), rng))
     report = stp.export(chain, tmp_path / "a.usda", format="usd")

@@ -14,14 +14,16 @@ mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install 'stewar
 
 def _points(points: np.ndarray, prefix: str) -> str:
     return "".join(
-        f'<site name="{prefix}{k}" pos="{" ".join(map(repr, point.tolist()))}"/>' for k, point in enumerate(points)
+        f'<site name="{prefix}{k}" pos="{" ".join(map(repr, point.tolist()))}"/>'
+        for k, point in enumerate(points)
     )
 
 
 def _engine(exits: np.ndarray, ends: np.ndarray, body: pin.Inertia) -> mujoco.MjModel:
     moments, com = np.diag(body.inertia).tolist(), body.lever.tolist()
     tendons = "".join(
-        f'<spatial name="cable{k}"><site site="exit{k}"/><site site="end{k}"/></spatial>' for k in range(len(exits))
+        f'<spatial name="cable{k}"><site site="exit{k}"/><site site="end{k}"/></spatial>'
+        for k in range(len(exits))
     )
     return mujoco.MjModel.from_xml_string(f"""
         <mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"/><worldbody>{_points(exits, "exit")}

@@ -12,6 +12,8 @@ import pytest
 
 import stewart_pin as stp
 from stewart_pin.viewer.steering import Step, move_joint, move_platform
+from stewart_pin.viz.scene import link_placements
+from tests.cable_robots import cables_8
 from tests.small_urdf import ARM, MOTOR, home, joint
 from tests.small_urdf import robot as robot_text
 
@@ -104,6 +106,22 @@ def test_every_robot_shows(robot):
             assert page.settle()
             assert page._message.content == "", page._message.content
         assert np.abs(stp.loop_gap(viewer.chain, viewer.state.q)).max(initial=0.0) < 1e-9
+
+
+def test_cables_follow_and_take_the_colours_of_their_winches():
+    chain = cables_8()
+    with stp.view(chain) as viewer:
+        page = viewer.page
+        before = np.array(page._picture._cables["cable5"].points)
+        page.ask("button", lambda: page._go("somewhere random"))
+        assert page.settle()
+        assert page._message.content == "", page._message.content
+        cable = page._picture._cables["cable5"]
+        frame = link_placements(chain, viewer.state.q)["platform"]
+        end = frame.act(np.array(chain.loops[4].placement2.translation))
+        np.testing.assert_allclose(cable.points[-1, 1], end, atol=1e-6)  # the page holds single precision
+        assert np.abs(before[-1, 1] - end).max() > 1e-3
+        assert len(np.unique(np.array(cable.colors).reshape(-1, 3), axis=0)) == 1
 
 
 def motion(chain: stp.ClosedChain, count: int = 40) -> stp.motions.PlatformSamples:

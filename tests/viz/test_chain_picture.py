@@ -9,6 +9,7 @@ import pytest
 import stewart_pin as stp
 from stewart_pin.errors import InputError
 from stewart_pin.model.description import JointKind
+from tests.cable_robots import cables_8
 from tests.closed_states import robot
 from tests.mechanisms import two_bodies
 from tests.zoo.table import ROBOTS
@@ -49,6 +50,19 @@ def test_open_loops_show(rng: np.random.Generator) -> None:
         expected = np.linalg.norm(stp.loop_gap(chain, q).reshape(6, 3), axis=1)
         np.testing.assert_allclose(np.linalg.norm(ends, axis=1), expected, atol=1e-14)
         assert gap is not None or expected.min() > 1e-3
+
+
+def test_cables_run_over_their_pulleys() -> None:
+    chain = cables_8()
+    shown = lines(stp.viz.plot_chain(chain), "cable")
+    lengths = [np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in shown]
+    # An arc of at most half a turn in eleven chords is a hundredth shorter, of 0.05 m.
+    np.testing.assert_allclose(lengths, stp.cables.cable_lengths(chain, chain.q_home), atol=1e-3)
+    for line, loop in zip(shown, chain.loops, strict=True):
+        np.testing.assert_allclose(line[0], loop.placement1.translation, atol=1e-12)
+        along = np.diff(line[-3:], axis=0)
+        bend = along / np.linalg.norm(along, axis=1)[:, None]
+        assert bend[0] @ bend[1] > 0.95  # the free cable goes on where the arc ends
 
 
 def test_any_chain_can_be_drawn(rng: np.random.Generator) -> None:

@@ -70,9 +70,9 @@ def loop_columns(tree: Tree, at: Placements, q: ca.SX) -> LoopColumns:
             loop.body2: about_origin(wrench2, constant(loop.translation2)),
         }
         columns[:, index] = efforts_of_wrenches(tree.joints, at, wrenches, len(index))
-        reel = reel_of(tree, loop)
-        if reel is not None:
-            columns[reel.v.start, index[0]] += loop.rows[0].cable.ratio
+        wound = _wound_by(tree, loop)
+        if wound is not None:
+            columns[wound[0].v.start, index[0]] += wound[1]
     for row in tree.couplings:
         columns[row.v1, row.index] = 1
         for _, entry, ratio in row.others:
@@ -82,24 +82,12 @@ def loop_columns(tree: Tree, at: Placements, q: ca.SX) -> LoopColumns:
     return LoopColumns(columns, turn)
 
 
-def reel_of(tree: Tree, loop: LoopEnds) -> TreeJoint | None:
-    """Find the joint that winds in the cable of a loop.
-
-    Parameters
-    ----------
-    tree
-        Constants.
-    loop
-        The loop.
-
-    Returns
-    -------
-    TreeJoint or None
-        The joint, where there is one.
-    """
+def _wound_by(tree: Tree, loop: LoopEnds) -> tuple[TreeJoint, float] | None:
+    """Joint that winds in the cable of a loop, and its ratio."""
     row = loop.rows[0]
-    name = row.cable.reel if isinstance(row, LengthRow) else None
-    return None if name is None else next(joint for joint in tree.joints if joint.name == name)
+    if not isinstance(row, LengthRow) or row.cable.reel is None:
+        return None
+    return next(joint for joint in tree.joints if joint.name == row.cable.reel), row.cable.ratio
 
 
 def _way(row: LengthRow, reach: ca.SX, slide: ca.SX | None = None) -> tuple[ca.SX, ca.SX, ca.SX]:
@@ -119,7 +107,8 @@ def _way(row: LengthRow, reach: ca.SX, slide: ca.SX | None = None) -> tuple[ca.S
         across = s - e * ca.dot(e, s)
         bend = ca.dot(across, across) / length
     way = ca.Function("way", [t, s], [length, e, bend])
-    return way(reach, ca.SX.zeros(3) if slide is None else slide)
+    found, e, bend = way(reach, ca.SX.zeros(3) if slide is None else slide)
+    return ca.SX(found), ca.SX(e), ca.SX(bend)
 
 
 def follower(row: CouplingRow, q: ca.SX, order: int) -> ca.SX:
@@ -344,9 +333,9 @@ def loop_gaps(tree: Tree, at: Placements, q: ca.SX) -> ca.SX:
                     gap[index] = ca.dot(constant(row.u1), rotation @ constant(row.u2))
                 case LengthRow():
                     gap[index] = _way(row, reach)[0] - row.length
-        reel = reel_of(tree, loop)
-        if reel is not None:
-            gap[loop.index[0]] += loop.rows[0].cable.ratio * q[reel.q.start]
+        wound = _wound_by(tree, loop)
+        if wound is not None:
+            gap[loop.index[0]] += wound[1] * q[wound[0].q.start]
     for row in tree.couplings:
         gap[row.index] = q[row.q1] - follower(row, q, 0) - sum(ratio * q[at] for at, _, ratio in row.others)
     return gap

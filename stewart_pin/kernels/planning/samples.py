@@ -233,7 +233,9 @@ def require_standing_frames(chain: ClosedChain) -> None:
     """
     if not chain.generic.count.idle:
         return
-    told = [loop for loop in chain.loops if loop.kind not in (JointKind.DISTANCE, JointKind.CABLE)]  # one row has no axes
+    told = [
+        loop for loop in chain.loops if loop.kind not in (JointKind.DISTANCE, JointKind.CABLE)
+    ]  # one row has no axes
     for q in chain.generic.samples:
         idle, data = chain.at(q).freedom.idle, pin.Data(chain.model)
         for loop in told:

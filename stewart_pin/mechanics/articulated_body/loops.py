@@ -248,6 +248,7 @@ def _loop_frame(to_base: FloatArray, placement: pin.SE3) -> tuple[FloatArray, Fl
 
 # ----------------------------------------------------------------------------------------------------
 
+
 def _reels(chain: ClosedChain, bodies: Sequence[Body]) -> FloatArray:
     """(nc, nv) what the reels of cables add to the rates of the rows; the rows of loops stand in their order."""
     at = {body.joint.name: body for body in bodies if body.joint is not None}

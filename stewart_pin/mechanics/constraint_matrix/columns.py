@@ -465,7 +465,7 @@ def _over_pulley(
         swivelling = (skew(up) @ level) @ apart / (level @ level)
         rolling = leaves @ apart / (radius * straight)
         turning = skew(up * swivelling + side * rolling) @ n
-    return n, turning, radius * wrapped + straight
+    return n, turning, float(radius * wrapped + straight)
 
 
 def _complement(columns: FloatArray) -> FloatArray:

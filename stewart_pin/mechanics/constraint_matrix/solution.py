@@ -22,10 +22,10 @@ from stewart_pin.mechanics.constraint_matrix.system import (
     AssembledSystem,
     ConstraintMatrixSystem,
     assemble,
-    wound_in,
     coupling_opening,
     loaded_links,
     tree_accelerations,
+    wound_in,
 )
 from stewart_pin.mechanics.effort import Effort
 from stewart_pin.state.chain import ClosedChain

@@ -152,7 +152,7 @@ def _reel_part(
     freedoms: Sequence[Freedoms],
     number: Mapping[str, int],
 ) -> tuple[int, int, Columns]:
-    """What a cable does at its reel: l + ratio q is kept, so that a reaction η gives the reel ratio η."""
+    """Tell what a cable does at its reel: l + ratio q is kept, so that a reaction η gives it ratio η."""
     assert cable.reel is not None
     at = layout.compound(cable.reel)
     entry = chain.model.joints[chain.model.getJointId(cable.reel)].idx_v
@@ -179,7 +179,9 @@ def wound_in(chain: ClosedChain, cable: Cable, q: Configuration) -> float:
     float
         Length, 0 without a reel [m].
     """
-    return 0.0 if cable.reel is None else cable.ratio * _coordinate(chain, cable.reel, q, np.zeros(chain.nv))[0]
+    return (
+        0.0 if cable.reel is None else cable.ratio * _coordinate(chain, cable.reel, q, np.zeros(chain.nv))[0]
+    )
 
 
 def _coordinate(chain: ClosedChain, name: str, q: Configuration, v: Tangent) -> tuple[float, float]:

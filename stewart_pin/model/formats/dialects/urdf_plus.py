@@ -3,8 +3,8 @@
 A loop has a ``<predecessor link>`` and a ``<successor link>``, each with its ``<origin>``, and an ``<axis>``.
 Besides the types of URDF+, all kinds of loops are read and written: a universal one has ``<axis2>``, a distance has a
 ``<length value>``, a cable besides a ``<reel joint ratio>`` that winds it in and a ``<pulley radius>`` where it runs
-over one, about the ``<axis>``. What its coordinates may do stands in ``<limit>`` as for a joint, of a kind with several in one for
-each ``coordinate``. What it does by itself, damping and springs, stands in ``<dynamics>`` in the same way.
+over one, about the ``<axis>``. What its coordinates may do stands in ``<limit>`` as for a joint, of a kind with several
+in one for each ``coordinate``. What it does by itself, damping and springs, stands in ``<dynamics>`` in the same way.
 
 A coupling has a ``<predecessor link>``, a ``<successor link>`` and a ``<ratio value>``: the positions of the joints
 from the nearest common ancestor of the two links to the successor sum up to the ratio times that of the predecessor.
@@ -239,7 +239,8 @@ DIALECT = Dialect(
     {"robot/loop": _read_loop, "robot/coupling": _read_coupling},
     {
         "robot/loop": Words(
-            ("name", "type"), ("predecessor", "successor", "axis", "axis2", "length", "reel", "pulley", "limit", "dynamics")
+            ("name", "type"),
+            ("predecessor", "successor", "axis", "axis2", "length", "reel", "pulley", "limit", "dynamics"),
         ),
         "loop/predecessor": Words(("link",), ("origin",)),
         "loop/successor": Words(("link",), ("origin",)),
