@@ -92,6 +92,7 @@ EXAMPLES = [
     errors.SingularityError("flat", smallest_singular_value=1e-17, direction=np.ones(2), names=["a", "b"]),
     errors.ActuationError("loose", smallest_singular_value=0.0),
     errors.ConvergenceError("slow", residual=1e-3),
+    errors.EffortLimitError("no efforts", residual=1.0, violations={"leg1": (3.0, -2.0, 2.0)}),
     errors.MissingExtraError("matplotlib", "plot"),
 ]
 

@@ -170,8 +170,8 @@ MISSING: dict[str, tuple[str, Callable[[stp.ClosedChain], Any]]] = {
 }
 """Verbs that need a platform or motors, and which they ask for."""
 
-ELSEWHERE = {"resume", "sweep_demand", "view"}
-"""Take what these verbs hand out; a page of a chain without motors or platform is asked in `tests.viewer`."""
+ELSEWHERE = {"cable_lengths", "resume", "sweep_demand", "view"}
+"""Take what these verbs hand out, or chains with cables; a page without motors or platform is asked in `tests.viewer`."""
 
 
 def balls(chain: stp.ClosedChain) -> stp.ClosedChain:
