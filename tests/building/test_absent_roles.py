@@ -171,7 +171,7 @@ MISSING: dict[str, tuple[str, Callable[[stp.ClosedChain], Any]]] = {
 """Verbs that need a platform or motors, and which they ask for."""
 
 ELSEWHERE = {"cable_lengths", "resume", "sweep_demand", "view"}
-"""Take what these verbs hand out, or chains with cables; a page without motors or platform is asked in `tests.viewer`."""
+"""Take what these verbs hand out, or chains with cables; a page without roles is asked in `tests.viewer`."""
 
 
 def balls(chain: stp.ClosedChain) -> stp.ClosedChain:
