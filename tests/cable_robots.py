@@ -97,8 +97,20 @@ def pulleys_that_move() -> stp.ClosedChain:
     return build_chain(replace(plain, name="pulleys_that_move", joints=joints, loops=loops))
 
 
+def cables_on_drums() -> stp.ClosedChain:
+    """Wind the eight cables onto drums of 8 mm, which turn seventeen times for 0.85 m."""
+    plain = cables_8().described()
+    joints = tuple(
+        replace(joint, kind=JointKind.REVOLUTE, lower=-np.inf, upper=np.inf) if joint.independent else joint
+        for joint in plain.joints
+    )
+    loops = tuple(replace(loop, cable=replace(loop.cable, ratio=0.008)) for loop in plain.loops)
+    return build_chain(replace(plain, name="cables_on_drums", joints=joints, loops=loops))
+
+
 CABLE_ROBOTS: dict[str, Callable[[], stp.ClosedChain]] = {
     "cables_4": cables_4,
     "cables_8": cables_8,
     "pulleys_that_move": pulleys_that_move,
+    "cables_on_drums": cables_on_drums,
 }

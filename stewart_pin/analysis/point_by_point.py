@@ -15,9 +15,9 @@ from stewart_pin.errors import InputError, SingularityError, UnsupportedError
 from stewart_pin.geometry.hexapod import Hexapod, leg_lengths
 from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.mechanics.kinematics import inverse_kinematics, motor_jacobian
-from stewart_pin.model.description import JointKind
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.configurations import turning_motors
 from stewart_pin.state.limits import AT_LIMIT
 from stewart_pin.state.newton import close_loops
 from stewart_pin.state.state import as_chain, as_configuration
@@ -204,8 +204,7 @@ class Growth:
     def _counts_turns(self) -> bool:
         """Whether a motor may stand where a pose does not tell: beyond half a turn to either side."""
         bounds = self._chain.limits.bounds("position", self._chain.motor_index)
-        turns = [self._chain.mechanism.joint(name).kind is JointKind.REVOLUTE for name in self._chain.motors]
-        return bool((np.abs(bounds[turns]) > np.pi).any())
+        return bool((np.abs(bounds[turning_motors(self._chain)]) > np.pi).any())
 
     def _fixed(self) -> UnsupportedError:
         return UnsupportedError(

@@ -124,11 +124,13 @@ def all_forward_kinematics(
 
 
 def _wound(chain: ClosedChain, guess: Configuration, target: FloatArray) -> Configuration:
-    """Turn motors by whole turns to within half a turn of where they shall stand, unless a coupling counts these."""
+    """Turn motors to within half a turn of where they shall stand, unless a coupling or a cable counts the turns."""
     guess = np.array(guess)
-    coupled = {name for coupling in chain.mechanism.couplings for name in coupling.joints}
+    counted = {
+        name for coupling in chain.mechanism.couplings for name in coupling.joints
+    } | chain.mechanism.reels
     for name, at, wanted in zip(chain.motors, chain.motor_q_index, target, strict=True):
-        if chain.mechanism.joint(name).kind is JointKind.REVOLUTE and name not in coupled:
+        if chain.mechanism.joint(name).kind is JointKind.REVOLUTE and name not in counted:
             guess[at] += 2 * np.pi * np.round((wanted - guess[at]) / (2 * np.pi))
     return guess
 

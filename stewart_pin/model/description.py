@@ -483,6 +483,11 @@ class Mechanism(Brief):
         children = {joint.child for joint in self.joints}
         return next(link.name for link in self.links if link.name not in children)
 
+    @property
+    def reels(self) -> frozenset[str]:
+        """Names of the joints that wind in cables: a whole turn of one is a length of cable."""
+        return frozenset(loop.cable.reel for loop in self.loops if loop.cable.reel is not None)
+
     def link(self, name: str) -> Link:
         """Return a link.
 

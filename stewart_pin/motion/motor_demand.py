@@ -20,7 +20,6 @@ from stewart_pin.mechanics.closed_forms import LegForm, leg_form
 from stewart_pin.mechanics.inverse_dynamics import inverse_dynamics_by
 from stewart_pin.mechanics.kinematics import inverse_kinematics, platform_motion
 from stewart_pin.mechanics.sharing import Sharer, Sharing, sharer
-from stewart_pin.model.description import JointKind
 from stewart_pin.model.tree import Limits
 from stewart_pin.motion.joint_motion import asked_of_motors, asked_of_others
 from stewart_pin.motion.simulation.record import Simulation
@@ -28,6 +27,7 @@ from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.base_motion import BaseMotion, BaseMotions, base_motions
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.configurations import turning_motors
 from stewart_pin.state.limits import Asked, Excess
 from stewart_pin.state.newton import Closure
 from stewart_pin.state.outside import MotionWrenches, WrenchSamples, wrench_samples
@@ -87,10 +87,11 @@ class MotorDemand(Brief):
         """
         step = np.diff(self.time)[:, None] * (self.rates[1:] + self.rates[:-1]) / 2
         missed = np.abs(step - np.diff(self.positions, axis=0)) > np.pi
+        missed &= turning_motors(self.chain)
         return {
             motor: float(self.time[int(np.argmax(missed[:, k]))])
             for k, motor in enumerate(self.chain.motors)
-            if missed[:, k].any() and self.chain.mechanism.joint(motor).kind is JointKind.REVOLUTE
+            if missed[:, k].any()
         }
 
     def holds(self) -> bool:
@@ -310,9 +311,7 @@ def demands_by_kernels(
             *state, *loads, base_motion=ground, **limited, out=efforts[part], status=codes[1, part]
         )
     answered = (codes == StateStatus.OK).all(axis=0)
-    turning = [
-        joint.kind is JointKind.REVOLUTE for joint in map(kernels.chain.mechanism.joint, kernels.chain.motors)
-    ]
+    turning = turning_motors(kernels.chain)
     found: list[MotorDemand | int | None] = []
     for samples, end in zip(motions, ends, strict=True):
         part = slice(end - len(samples), end)
@@ -321,7 +320,7 @@ def demands_by_kernels(
             lost = codes[0, part] != StateStatus.OK
             found.append(int(np.argmax(lost)) if kernels.by_legs and lost.any() else None)
             continue
-        if any(turning):
+        if turning.any():
             # Angles are those of home's branch; they go on where a motor has turned further.
             angles = np.unwrap(positions[part, turning], axis=0)
             if np.abs(np.diff(angles, axis=0)).max(initial=0.0) > _QUARTER:

@@ -13,7 +13,7 @@ from stewart_pin.geometry.rotations import as_rotation
 from stewart_pin.model.description import JointKind
 from stewart_pin.state.chain import ClosedChain
 from stewart_pin.tolerances import AT_LIMIT, UNIT_QUATERNION
-from stewart_pin.typing import ArrayLike, Configuration
+from stewart_pin.typing import ArrayLike, BoolArray, Configuration
 
 
 def clipped(chain: ClosedChain, q: Configuration) -> Configuration:
@@ -64,7 +64,7 @@ def random_configuration(chain: ClosedChain, rng: np.random.Generator) -> Config
 def unwound(chain: ClosedChain, q: Configuration, *, asked: Collection[str] = ()) -> Configuration:
     """Take whole turns out of revolute joints: as many as bring them within half a turn of zero or into their range.
 
-    Joints that are coupled keep theirs: a gear or a screw stands elsewhere after a turn.
+    Joints that are coupled or wind in cables keep theirs: a gear, a screw or a drum stands elsewhere after a turn.
 
     Parameters
     ----------
@@ -82,7 +82,9 @@ def unwound(chain: ClosedChain, q: Configuration, *, asked: Collection[str] = ()
         where they are.
     """
     q = np.array(q)
-    kept = {name for coupling in chain.mechanism.couplings for name in coupling.joints}
+    kept = {
+        name for coupling in chain.mechanism.couplings for name in coupling.joints
+    } | chain.mechanism.reels
     for joint in chain.mechanism.joints:
         if joint.kind is JointKind.REVOLUTE and joint.name not in kept and joint.name not in asked:
             at = chain.model.joints[chain.model.getJointId(joint.name)].idx_q
@@ -94,6 +96,29 @@ def unwound(chain: ClosedChain, q: Configuration, *, asked: Collection[str] = ()
                 value -= 2 * np.pi * np.ceil((value - joint.upper - AT_LIMIT) / (2 * np.pi))
             q[at] = value
     return q
+
+
+def turning_motors(chain: ClosedChain) -> BoolArray:
+    """Tell which motors turn so that a pose tells their positions but for whole turns.
+
+    Parameters
+    ----------
+    chain
+        Closed chain.
+
+    Returns
+    -------
+    numpy.ndarray
+        (nu,) of bool, dimensionless: revolute motors; of those that wind in cables a pose tells the turns too.
+    """
+    mechanism = chain.mechanism
+    return np.array(
+        [
+            mechanism.joint(name).kind is JointKind.REVOLUTE and name not in mechanism.reels
+            for name in chain.motors
+        ],
+        dtype=bool,
+    )
 
 
 def as_pose(name: str, pose: pin.SE3 | ArrayLike) -> pin.SE3:

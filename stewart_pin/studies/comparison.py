@@ -18,10 +18,10 @@ from stewart_pin.kernels.choosing import kernels_for
 from stewart_pin.mechanics.closed_forms import LegForm, admission, point_of
 from stewart_pin.mechanics.inverse_dynamics import Method, inverse_dynamics
 from stewart_pin.mechanics.kinematics import platform_motion
-from stewart_pin.model.description import JointKind
 from stewart_pin.motion.trajectories import PlatformSamples
 from stewart_pin.programs.status import StateStatus
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.configurations import turning_motors
 from stewart_pin.state.outside import MotionWrenches, WrenchSamples, wrench_samples
 from stewart_pin.state.state import State, as_chain
 from stewart_pin.typing import FloatArray
@@ -140,7 +140,7 @@ def compare_methods(
     pose = np.hstack([samples.position, Rotation.from_matrix(samples.rotation).as_quat()])
 
     notes: list[str] = []
-    turning = [chain.mechanism.joint(name).kind is JointKind.REVOLUTE for name in chain.motors]
+    turning = turning_motors(chain)
     followed = np.array([state.q[chain.motor_q_index] for state in states]).reshape(len(states), chain.nu)
 
     def array_forces(variant: ClosedChain) -> FloatArray | None:

@@ -567,6 +567,7 @@ def _digest(chain: ClosedChain) -> str:
             loop.axis2.tolist(),
             loop.length,
             loop.physics,
+            loop.cable,
         )
         for loop in chain.loops
     ]

@@ -152,7 +152,7 @@ def _draw_bodies(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3], *, g
 
 
 def _draw_joints(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> None:
-    reach, reels = hinge_reach(chain), _reels(chain)
+    reach, reels = hinge_reach(chain), chain.mechanism.reels
     for joint in chain.mechanism.joints:
         if joint.kind in (JointKind.FLOATING, JointKind.FIXED):
             continue
@@ -174,11 +174,6 @@ def _draw_joints(axis: Any, chain: ClosedChain, frames: dict[str, pin.SE3]) -> N
             label=label,
             markerfacecolor="w",
         )
-
-
-def _reels(chain: ClosedChain) -> set[str]:
-    """Joints that wind in cables, and are drawn as marks at their exits."""
-    return {loop.cable.reel for loop in chain.loops if loop.cable.reel is not None}
 
 
 _ARC = 12
@@ -500,7 +495,7 @@ def _joint_shapes(chain: ClosedChain, q: Configuration, link: str) -> list[Any]:
     import trimesh  # noqa: PLC0415 - optional and slow
 
     joint = next((joint for joint in chain.mechanism.joints if joint.child == link), None)
-    if joint is None or not joint.has_axis or joint.name in _reels(chain):
+    if joint is None or not joint.has_axis or joint.name in chain.mechanism.reels:
         return []
     thick = mark_size(chain)
     driven = joint.name in chain.motors

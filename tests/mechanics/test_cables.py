@@ -15,7 +15,7 @@ from stewart_pin.mechanics.articulated_body.loops import closed_chain_articulate
 from stewart_pin.model.description import Cable
 from stewart_pin.state.cable_paths import cable_paths
 from stewart_pin.state.row_derivatives import row_derivatives
-from tests.cable_robots import CABLE_ROBOTS, cables_4, cables_8
+from tests.cable_robots import CABLE_ROBOTS, cables_4, cables_8, cables_on_drums
 from tests.retelling.changes import CHANGES, changed
 from tests.rewritten import configuration_in_other_unit, effort_unit, in_other_unit, rebuild, tangent_unit
 
@@ -151,6 +151,30 @@ def test_limits_are_tensions_and_what_is_wound_in_is_the_motors_position() -> No
     ).tau_motor
     assert held.min() >= 10.0 - 1e-9
     assert stp.limits_exceeded(chain.at(state.q), tau_motor=-held)
+
+
+def test_every_turn_of_a_drum_counts() -> None:
+    """A pose tells how far drums have turned, in every verb, however far they turn between two instants."""
+    chain = cables_on_drums()
+    home = chain.at(chain.q_home).pose
+    time = np.linspace(0.0, 1.0, 9)
+    motion = stp.motions.sinusoidal_motion(time, home=home, amplitude=(0.8, 0.5, 0.4), frequency=(1, 1, 1))
+    slow = stp.motor_demand(chain, motion, kernels=False)
+    fast = stp.motor_demand(chain, motion, kernels=True)
+    assert np.abs(np.diff(slow.positions, axis=0)).max() > 2 * np.pi
+    assert np.abs(fast.positions - slow.positions).max() < 1e-9
+    assert not fast.turns_unsure and not slow.turns_unsure
+    lengths = stp.cables.cable_lengths(chain, chain.q_home)
+    for k, position in enumerate(motion.position):
+        pose = pin.SE3(home.rotation, position)
+        state = stp.inverse_kinematics(chain, pose).state
+        wound = 0.008 * stp.motor_positions(state)
+        assert np.abs(stp.cables.cable_lengths(state) - (lengths - wound)).max() < 1e-12
+        assert np.abs(slow.positions[k] - stp.motor_positions(state)).max() < 1e-9
+    # A whole turn more is another length, which eight cables cannot all have.
+    turned = stp.motor_positions(state) + 2 * np.pi * np.eye(8)[0]
+    with pytest.raises(stp.errors.ClosureError, match="8 motors stand for 6"):
+        stp.forward_kinematics(chain, turned, q_guess=state.q)
 
 
 # --- told otherwise ---------------------------------------------------------------------------------------

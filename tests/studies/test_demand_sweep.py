@@ -21,6 +21,7 @@ from stewart_pin.motion import motor_demand as motor_demand_module
 from stewart_pin.studies import demand_sweep
 from stewart_pin.studies.answers import Carried
 from stewart_pin.studies.demand_sweep import _digest
+from tests.cable_robots import cables_8
 from tests.closed_states import slow_but_for_few
 from tests.mechanisms import gear_train
 from tests.studies import functions
@@ -465,6 +466,16 @@ def test_the_digest_sees_what_joints_do(own: dict[str, float]) -> None:
 
 
 @pytest.mark.slow
+def test_the_digest_sees_reels_and_pulleys() -> None:
+    chain = cables_8()
+    first, *others = chain.loops
+    told = [_digest(chain)]
+    for cable in ({"ratio": 0.5}, {"radius": 0.06}, {"reel": "winch2"}):
+        loops = (replace(first, cable=replace(first.cable, **cable)), *others)
+        told.append(_digest(replace(chain, mechanism=replace(chain.mechanism, loops=loops))))
+    assert len(set(told)) == 4
+
+
 def test_the_digest_sees_every_limit() -> None:
     # Balls of the tree (swing and angle), joints that close loops, motors and passive joints, at both ends.
     chains = [

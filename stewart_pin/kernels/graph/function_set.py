@@ -60,10 +60,10 @@ from stewart_pin.kernels.planning.samples import (
 )
 from stewart_pin.kernels.planning.tree import tree_of
 from stewart_pin.mechanics.kinematics import platform_pose
-from stewart_pin.model.description import JointKind
 from stewart_pin.model.joint_physics import FIELDS
 from stewart_pin.programs.symbolic import drop, writing, written_once
 from stewart_pin.state.chain import ClosedChain
+from stewart_pin.state.configurations import turning_motors
 from stewart_pin.state.outside import outside_places
 from stewart_pin.typing import BoolArray, Configuration, FloatArray
 
@@ -277,12 +277,7 @@ class FunctionSet:
     @written_once
     def turning(self) -> BoolArray:
         """(nu,) whether a motor turns, whose position then counts modulo a turn where a pose tells it."""
-        kinds = {
-            joint.v.start: joint.kind
-            for joint in tree_of(self.chain).joints
-            if joint.v.stop - joint.v.start == 1
-        }
-        return np.array([kinds.get(int(k)) is JointKind.REVOLUTE for k in self.chain.motor_index])
+        return turning_motors(self.chain)
 
     @written_once
     def driven(self) -> DrivenTree:

@@ -151,8 +151,7 @@ class _Sorter:
         self.mechanism, self.loaded = mechanism, loaded
         # A coupling acts on a joint's own freedom as a motor does, and a cable on its reel.
         coupled = {name for coupling in mechanism.couplings for name in coupling.joints}
-        reels = {loop.cable.reel for loop in mechanism.loops if loop.cable.reel is not None}
-        self.motors = {*motors, *coupled, *reels}
+        self.motors = {*motors, *coupled, *mechanism.reels}
         self.platform = platform
         self.parent = {joint.child: joint for joint in mechanism.joints}
         self.children: dict[str, list[Joint]] = defaultdict(list)
