@@ -23,6 +23,7 @@ import stewart_pin as stp
 from stewart_pin.compiled import StateStatus
 from stewart_pin.errors import EffortLimitError
 from stewart_pin.mechanics.sharing import Sharer, Sharing
+from tests.cable_robots import cables_8
 from tests.pulled import boxed
 
 STATES = 256
@@ -91,10 +92,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=15)
     parser.add_argument(
-        "--robot", help="a bundled robot with eight cables; default: eight massless legs that pull"
+        "--legs", action="store_true", help="eight massless legs that pull, in place of cables"
     )
     options = parser.parse_args()
-    chain = stp.load(options.robot) if options.robot else boxed()
+    chain = boxed() if options.legs else cables_8()
     limits = chain.limits
     bounds = limits.bounds("effort", chain.motor_index)
     rng = np.random.default_rng(1)

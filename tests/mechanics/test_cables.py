@@ -16,6 +16,7 @@ from stewart_pin.model.description import Cable
 from stewart_pin.state.cable_paths import cable_paths
 from stewart_pin.state.row_derivatives import row_derivatives
 from tests.cable_robots import CABLE_ROBOTS, cables_4, cables_8, cables_on_drums
+from tests.pulled import spatial
 from tests.retelling.changes import CHANGES, changed
 from tests.rewritten import configuration_in_other_unit, effort_unit, in_other_unit, rebuild, tangent_unit
 
@@ -125,6 +126,28 @@ def test_every_formulation_agrees(name: str, rng: np.random.Generator) -> None:
         )
         articulated = closed_chain_articulated_body(chain, state.q, state.v, effort.tau_motor)
         assert np.abs(articulated.a - state.a).max() < 1e-9 * size
+
+
+def test_massless_legs_that_pull_are_cables_from_points(rng: np.random.Generator) -> None:
+    """The same robot told by slides between universal joints and balls needs the same tensions."""
+    plain = cables_8().described()
+    exits = np.array([loop.placement1.translation for loop in plain.loops])
+    ends = np.array([loop.placement2.translation for loop in plain.loops])
+    home = pin.XYZQUATToSE3(plain.home["platform_pose"])
+    legs = spatial(exits, ends, home)
+    cables = stp.cables.cable_robot(exits, ends, platform=legs.mechanism.link("platform").inertia, home=home)
+    for _ in range(3):
+        motion = home * pin.exp6(0.2 * rng.standard_normal(6)), *rng.standard_normal((2, 6))
+        one, two = (stp.platform_motion(chain, *motion, limits=False) for chain in (legs, cables))
+        tensions, others = (stp.inverse_dynamics(state).tau_motor for state in (one, two))
+        assert np.abs(tensions - others).max() < 1e-10 * np.abs(others).max()
+        wound = [
+            stp.motor_positions(s) - stp.motor_positions(c.at(c.q_home))
+            for s, c in ((one, legs), (two, cables))
+        ]
+        assert np.abs(wound[0] - wound[1]).max() < 1e-12
+        assert np.abs(one.v[legs.motor_index] - two.v[cables.motor_index]).max() < 1e-11
+        assert np.abs(one.a[legs.motor_index] - two.a[cables.motor_index]).max() < 1e-10
 
 
 def test_tension_is_the_effort_of_the_reel_and_two_cables_hold_a_weight() -> None:
