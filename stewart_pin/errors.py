@@ -176,6 +176,8 @@ class EffortLimitError(ConvergenceError):
     violations
         ``{motor: (value, least, greatest)}`` of the motors in the way, passing their limits as little as can be [N or
         N m].
+    sample
+        At which sample of a motion [index]; None: there is no motion.
     """
 
     def __init__(
@@ -183,21 +185,27 @@ class EffortLimitError(ConvergenceError):
     ) -> None:
         super().__init__(message, residual=residual)
         self.violations = violations
+        self.sample: int | None = None
 
-    def at(self, place: str) -> EffortLimitError:
-        """Tell the same of a place.
+    def at(self, time: float, sample: int) -> EffortLimitError:
+        """Tell the same of an instant of a motion.
 
         Parameters
         ----------
-        place
-            Words that go before the message.
+        time
+            When [s].
+        sample
+            Number of the instant [index].
 
         Returns
         -------
         EffortLimitError
             With the same numbers.
         """
-        return EffortLimitError(f"{place}: {self}", residual=self.residual, violations=self.violations)
+        words = f"at {time:.6g} s, instant {sample}: {self}"
+        there = EffortLimitError(words, residual=self.residual, violations=self.violations)
+        there.sample = sample
+        return there
 
 
 class MissingExtraError(StewartPinError, ImportError):

@@ -442,7 +442,7 @@ def _state_by_state(
         try:
             efforts[k] = inverse_dynamics_by(state, a, pushed, sharing).tau_motor
         except EffortLimitError as error:
-            raise error.at(f"at {samples.time[k]:.6g} s, instant {k}") from None
+            raise error.at(float(samples.time[k]), k) from None
         positions[k], rates[k] = q[chain.motor_q_index], state.v[chain.motor_index]
     return MotorDemand(samples.time, positions, rates, efforts, chain, samples, wrenches=outside)
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from stewart_pin.brief import Brief
-from stewart_pin.errors import ClosureError, InputError
+from stewart_pin.errors import ClosureError, EffortLimitError, InputError
+from stewart_pin.mechanics.sharing import Sharing, require_sharing
 from stewart_pin.model.tree import LimitKind
 from stewart_pin.motion.joint_motion import asked_of_motors, asked_of_others
 from stewart_pin.motion.motor_demand import MotorDemand, motor_demand
@@ -118,6 +120,7 @@ def fit_to_limits(
     wrenches: MotionWrenches | None = None,
     base_motion: BaseMotions | None = None,
     margin: float = 0.0,
+    sharing: Sharing | None = None,
 ) -> FitReport:
     """Scale a motion down until every limit that is stated holds, of passive joints and joints that close loops too.
 
@@ -135,6 +138,9 @@ def fit_to_limits(
         How the ground moves whatever the factor, as in `motor_demand`.
     margin
         Part of every limit to keep free, from 0 up to but not including 1.
+    sharing
+        How redundant motors share the load within their limits of effort, less the margin, as in `inverse_dynamics`: of
+        cables, which only pull. Default: by least norm, whatever the limits.
 
     Returns
     -------
@@ -156,7 +162,9 @@ def fit_to_limits(
         raise InputError(f"margin must be at least 0 and below 1, got {margin!r}")
     if not callable(motion):
         raise InputError(f"motion must be a function of a scale, got {type(motion).__name__}")
-    return _Fit(chain, motion, margin, wrenches, base_motion).report()
+    if sharing is not None:
+        require_sharing(sharing)
+    return _Fit(chain, motion, margin, wrenches, base_motion, sharing).report()
 
 
 class _Fit:
@@ -167,9 +175,30 @@ class _Fit:
         margin: float,
         wrenches: MotionWrenches | None = None,
         base_motion: BaseMotions | None = None,
+        sharing: Sharing | None = None,
     ) -> None:
-        self.chain, self.motion, self.margin = chain, motion, margin
-        self._acting = {"wrenches": wrenches, "base_motion": base_motion}
+        self.chain, self.motion, self.margin, self._sharing = chain, motion, margin, sharing
+        self._acting: dict[str, Any] = {"wrenches": wrenches, "base_motion": base_motion}
+        if sharing is not None:
+            self._acting |= {"effort_limit": self._effort_bounds(), "sharing": sharing}
+
+    def _effort_bounds(self) -> FloatArray:
+        """Least and greatest efforts (nu, 2) less the margin."""
+        low, high = self.chain.limits.bounds("effort", self.chain.motor_index).T
+        free = 1.0 - self.margin
+        # As `_use` counts them: a range around zero from there, others from the middle; of one end, by its size.
+        with np.errstate(invalid="ignore"):
+            size = np.maximum(
+                np.where(np.isfinite(low), abs(low), 0.0), np.where(np.isfinite(high), abs(high), 0.0)
+            )
+            least, most = (
+                np.where(np.isfinite(low), low, high - size),
+                np.where(np.isfinite(high), high, low + size),
+            )
+            around = (low <= 0) & (high >= 0)
+            middle = np.where(around, 0.0, (least + most) / 2)
+            ends = [np.where(np.isfinite(end), middle + free * (end - middle), end) for end in (low, high)]
+        return np.array(ends).T
 
     def report(self) -> FitReport:
         unscaled = self._of_motors(1.0)
@@ -235,13 +264,35 @@ class _Fit:
         if resting.use > _FULL:
             raise InputError(
                 f"motion at scale 0 already exceeds the {resting.limit} limit of {resting.motor}: {resting.value:.6g}, "
-                f"allowed {resting.allowed:.6g}; choose another home or a smaller margin"
+                f"allowed {resting.allowed:.6g}; choose another home or a smaller margin{self._hint(resting)}"
             )
 
+    def _hint(self, binding: Binding) -> str:
+        spare = self.chain.nu > self.chain.generic.count.motor if binding.limit == "effort" else False
+        return (
+            ", or sharing= for redundant motors to keep within their limits"
+            if spare and not self._sharing
+            else ""
+        )
+
     def _of_motors(self, scale: float) -> list[Binding]:
-        demand = motor_demand(self.chain, self.motion(scale), **self._acting)
+        samples = self.motion(scale)
+        try:
+            demand = motor_demand(self.chain, samples, **self._acting)
+        except EffortLimitError as error:
+            at = float(samples.time[0 if error.sample is None else error.sample])
+            found = [self._beyond(motor, at, *numbers) for motor, numbers in error.violations.items()]
+            return found or [Binding("effort", self.chain.platform_link, at, error.residual, 0.0, np.inf)]
         asked = asked_of_motors(self.chain, demand.positions, demand.rates, demand.efforts)
         return self._used(asked, demand.time)
+
+    @staticmethod
+    def _beyond(motor: str, at: float, value: float, least: float, greatest: float) -> Binding:
+        """Tell of an effort that has no other way than beyond its limit."""
+        allowed = least if value < least else greatest
+        return Binding(
+            "effort", motor, at, value, allowed, 1.0 + abs(value - allowed) / max(abs(value), abs(allowed))
+        )
 
     def _of_others(self, scale: float, instants: Sequence[int] | None = None) -> list[Binding]:
         samples = self.motion(scale)

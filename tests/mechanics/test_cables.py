@@ -320,3 +320,39 @@ def test_an_end_within_the_pulley_has_no_direction() -> None:
     q[:3] = np.array([-2.0, -1.5, 0.2]) - np.array(chain.loops[0].placement2.translation) + [0.05, 0, 0]
     with pytest.raises(stp.errors.SingularityError, match=r"cable1.*pulley"):
         _ = chain.at(q, np.ones(chain.nv)).loop_bias
+
+
+# --- motions and simulations ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.1])
+def test_a_motion_is_fitted_to_what_tensions_may_be(margin: float) -> None:
+    chain = stp.with_limits(cables_4(), {f"winch{k}": {"effort": (10, 90)} for k in range(1, 5)})
+    time, home = np.linspace(0, 1, 21), chain.at(chain.q_home).pose
+
+    def motion(scale: float) -> stp.motions.PlatformSamples:
+        return stp.motions.sinusoidal_motion(
+            time, home=home, amplitude=(0.5 * scale, 0, 0.3 * scale), frequency=(1, 1, 2)
+        )
+
+    with pytest.raises(stp.errors.InputError, match="sharing= for redundant motors"):
+        stp.fit_to_limits(chain, motion)
+    fit = stp.fit_to_limits(chain, motion, sharing="least_norm", margin=margin)
+    assert 0.01 < fit.scale < 1 and fit.unscaled[0].limit == "effort"
+    least, most = 50 - 40 * (1 - margin), 50 + 40 * (1 - margin)
+    assert fit.demand.efforts.min() >= least - 1e-9 and fit.demand.efforts.max() <= most + 1e-9
+    bounds = np.tile([least, most], (4, 1))
+    with pytest.raises(stp.errors.EffortLimitError, match=r"at .* s, instant"):
+        stp.motor_demand(chain, motion(1.001 * fit.scale), effort_limit=bounds)
+
+
+def test_a_box_that_unwinds_heavy_drums_keeps_its_energy() -> None:
+    """Nothing brakes the drums: what the box falls makes it and them move."""
+    plain = cables_8()
+    free = stp.with_limits(plain, {motor: {"effort": (None, None)} for motor in plain.motors})
+    heavy = stp.with_joint_physics(free, {motor: {"armature": 30.0} for motor in plain.motors})
+    run = stp.simulate(heavy, heavy.q_home, heavy.rest, lambda t, q, v: np.zeros(8), duration=0.3, dt=1e-3)
+    energy = run.audit.kinetic + run.audit.potential
+    assert np.ptp(run.audit.kinetic) > 1.0
+    assert np.ptp(energy) < 1e-9  # of the step to the fourth power, 1e-12, in joules
+    assert np.abs(stp.loop_gap(heavy, run.q[-1])).max() < 1e-12
